@@ -1,6 +1,6 @@
-"""What commands do with the files of a network, without a terminal: load, check, edit, convert.
+"""Operations on the files of a network, without a terminal: load, check, edit, convert.
 
-Add here: a job that needs several formats and rules together and has no room of its own. Do not
-add: options and output (`cli`), rules (`rules`), formats (`formats`), what is signed
+Add here: an operation that needs several formats and rules and has no package of its own. Do not
+add: options and output (`cli`), rules (`rules`), formats (`formats`), signed documents
 (`acceptance`).
 """

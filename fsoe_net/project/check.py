@@ -1,4 +1,4 @@
-"""Load, resolve and check the files of a network: the one way in for everything else."""
+"""Loads, resolves and checks the files of a network; all other modules use this entry point."""
 
 from __future__ import annotations
 
@@ -43,9 +43,9 @@ class LoadedFiles:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Checked:
-    """A network with everything found in it. ``resolution`` is ``None`` when nothing was read.
+    """A network with all its findings. ``resolution`` is ``None`` if nothing was read.
 
-    ``references`` are the other files it was compared with.
+    ``references`` are the other files that it was compared with.
     """
 
     resolution: Resolution | None
@@ -66,7 +66,7 @@ def whole_network(checked: Checked, refusal: str) -> Resolution:
         refusal: The consequence of an error, e.g. ``no plan written``.
 
     Raises:
-        InputError: It has an error, is incomplete, or copies none of its FSoE frames.
+        InputError: The network has an error, is incomplete, or copies none of its FSoE frames.
     """
     errors = [d for d in checked.diagnostics if d.level is Severity.ERROR]
     resolution = checked.resolution
@@ -87,7 +87,7 @@ def whole_network(checked: Checked, refusal: str) -> Resolution:
 
 
 def library_of(network: NetworkConfig) -> Library:
-    """Return the device library as far as it is about devices of a network."""
+    """Return the entries of the device library for the devices of a network."""
     return builtin_library(
         frozenset(s.device.product_code for s in network.subdevices if s.device is not None)
     )
@@ -96,12 +96,13 @@ def library_of(network: NetworkConfig) -> Library:
 def load_files(
     files: Sequence[str], loading: LoadOptions | None = None, *, compared: bool = False
 ) -> LoadedFiles:
-    """Read the files a user named.
+    """Read the files named by a user.
 
     Args:
         files: Files of the network.
         loading: How references in them are followed.
-        compared: There may be other files among ``files``, and the device library counts too.
+        compared: Whether ``files`` may include other files to compare with, and the device library
+            is used.
     """
     own, others = split_files(files) if compared else (files, [])
     loaded = load_network(own, loading)

@@ -1,4 +1,4 @@
-"""Other files in the folder of a network, recognised by content and by name."""
+"""Other files in the folder of a network, recognised by content and name."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ _LOG = re.compile(r"interventions-.*\.jsonl")
 
 
 class CompanionKind(enum.Enum):
-    """What a file is for."""
+    """The purpose of a file."""
 
     INCIDENT = "incident"
     LOG = "log"
     RECORD = "record"
     TEST_RECORD = "test_record"
     OTHER = "other"
-    """A description of a bus: something to compare with."""
+    """A description of a bus, to compare with."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,13 +49,13 @@ class CompanionFile:
 
 
 def files_beside(network: str) -> list[CompanionFile]:
-    """Return what is in the folder of a network file and in the folders there, by name.
+    """Return the files in the folder of a network file and its subfolders, by name.
 
-    Links are left out, since they may lead out of the folder; so are hidden folders, and whatever
-    cannot be read.
+    Links are skipped, because they may lead out of the folder. Hidden folders and unreadable files
+    are also skipped.
 
     Args:
-        network: The network file, which is left out too.
+        network: The network file, which is also skipped.
     """
     folder = os.path.dirname(network) or "."
     found: dict[str, CompanionFile] = {}

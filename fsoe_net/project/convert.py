@@ -1,4 +1,4 @@
-"""Descriptions of a bus from one format into another."""
+"""Converts descriptions of a bus from one format to another."""
 
 from __future__ import annotations
 
@@ -51,8 +51,8 @@ class Conversion:
         """Write the files, all or none.
 
         Raises:
-            InputError: One exists, and is not to be replaced.
-            EnvironmentFault: One cannot be written; the existing content is unchanged.
+            InputError: A file exists and must not be replaced.
+            EnvironmentFault: A file cannot be written; the existing content is unchanged.
         """
         write_all(folder, self.files, overwrite=overwrite)
 
@@ -65,20 +65,21 @@ def convert_files(
     source: str | None = None,
     options: LoadOptions | None = None,
 ) -> Conversion:
-    """Return the bus that files describe together in another format.
+    """Return the bus described by several files in another format.
 
-    A network and a file of the same bus, into the format of that file: where the format can take
-    them, the copies of the network in that file, all else byte for byte.
+    If a network and a file of the same bus are converted to the format of that file, and the format
+    supports it, the result is that file with the copies of the network. All other bytes are
+    unchanged.
 
     Args:
-        files: Files, or folders that a conversion wrote.
+        files: Files, or folders written by a conversion.
         target: One of `all_targets`.
-        name: Of the file that is written; formats of several files choose theirs.
-        source: Kind of the format of all files; otherwise it is known by content.
-        options: How references in them are followed.
+        name: Name of the file to write; formats with several files choose their own names.
+        source: Format of all files; by default recognised by content.
+        options: Options for following references.
 
     Raises:
-        InputError: A file cannot be used, or the format cannot hold the bus.
+        InputError: A file cannot be used, or the format cannot represent the bus.
     """
     notes: list[str] = []
     findings: list[Diagnostic] = []
@@ -174,7 +175,7 @@ def _read_others(
 
 
 def _read_yaml(files: list[str], out: Collector, options: LoadOptions) -> tuple[Description, bool]:
-    """Return what YAML and URDF say, and whether it is a bus: slave YAMLs are device types."""
+    """Return the content of YAML and URDF, and whether it is a bus (slave YAMLs are types)."""
     loaded = load_network(files, options)
     # A bus without copies can also be described; a note reports that nothing is copied.
     out.diagnostics += [d for d in loaded.diagnostics if d.code != _NO_NET]
@@ -202,7 +203,7 @@ def _read_catalogue(
 ) -> list[Description]:
     """Return the devices missing on the bus; without a bus all devices of the file.
 
-    With ``starts`` also devices whose process data are known; a missing one is not a finding.
+    With ``starts``, also devices with known process data; a missing one is not a finding.
     """
     if bus is None:
         found = [read_foreign(file, catalogue, out)]
@@ -216,7 +217,7 @@ def _read_catalogue(
 
 
 def _file_of(path: str) -> str:
-    """Return the file to read of a folder that `convert` or `scan` wrote."""
+    """Return the file to read in a folder written by `convert` or `scan`."""
     for name in ("network.yaml", "transfers.yaml"):
         inside = os.path.join(path, name)
         if os.path.isdir(path) and os.path.isfile(inside):

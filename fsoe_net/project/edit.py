@@ -1,4 +1,4 @@
-"""A YAML file of a network, changed by a program; comments and layout stay."""
+"""Changes of a YAML file of a network by a program; comments and layout are preserved."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 class NetworkEdit:
-    """A file of a network that is being changed; see `fsoe_net.Network.edit`.
+    """A file of a network that is being edited; see `fsoe_net.Network.edit`.
 
     Attributes:
         path: The file.
@@ -49,7 +49,7 @@ class NetworkEdit:
 
     @property
     def text(self) -> str:
-        """The file as it would be: lines without a change stay as they are.
+        """The resulting file; lines without a change are preserved.
 
         Raises:
             ValueError: A value in `document` cannot be represented in YAML.
@@ -57,22 +57,22 @@ class NetworkEdit:
         return self._edited.text
 
     def diff(self) -> str:
-        """Return the change as a unified diff; empty when there is none."""
+        """Return the change as a unified diff; empty if there is none."""
         before, after = self._edited.before.splitlines(), self.text.splitlines()
         lines = difflib.unified_diff(before, after, self.path, f"{self.path}, edited", lineterm="")
         return "".join(f"{line}\n" for line in lines)
 
     def check(self) -> Findings:
-        """Return the findings of `fsoe_net.Network.check` after `save`; writes no file."""
+        """Return the findings of `fsoe_net.Network.check` after `save`, without writing a file."""
         with replaced_files({self.path: self.text.encode("utf-8")}):
             return self._load_again().check()
 
     def save(self) -> Network:
-        """Write the file, and return the network as it is now.
+        """Write the file, and return the resulting network.
 
         Raises:
-            InputError: Somebody else has changed the file since it was read.
-            EnvironmentFault: It cannot be written; the existing content is unchanged.
+            InputError: The file has been changed since it was read.
+            EnvironmentFault: The file cannot be written; the existing content is unchanged.
         """
         text = self.text.encode("utf-8")
         read_unchanged(self.path, self._sha256, next_step="edit it again")
@@ -91,8 +91,8 @@ class EditedText:
 
     Attributes:
         before: The text.
-        document: Its maps and lists, as `dict` and `list`, to be changed in place. One that moves,
-            or is replaced, is written again without its comments.
+        document: Its maps and lists, as `dict` and `list`, to be changed in place. A moved or
+            replaced one is rewritten without its comments.
 
     Raises:
         InputError: The text cannot be read.
@@ -127,7 +127,7 @@ class EditedText:
             if text is not None:
                 if not self.before.endswith("\n"):
                     text = text.removesuffix("\n").removesuffix("\r")
-                # Lines may mean something else where they stand.
+                # Lines may have another meaning at their new place.
                 if is_same(_root(text), self.document):
                     return text
         except RecursionError:
@@ -137,7 +137,7 @@ class EditedText:
         raise ValueError(f"{self._path} {why}")
 
     def settle(self) -> None:
-        """Count further changes from the text as it is now."""
+        """Make the current text the base of further changes."""
         self.before = self.text
         self._read = ReadText(self.before)
         adopt(self._read.root, self.document)

@@ -15,19 +15,19 @@ from fsoe_net.diag.printable import printable
 STDIN = "-"
 _MOST_BYTES = 4 << 20
 _WIDTH = 92  # columns of a line that are shown
-_BEFORE = 60  # of them at most in front of the marked column
+_BEFORE = 60  # maximum before the marked column
 # A comma in a number is part of what was typed; in a list it ends a value.
 _TOKEN = re.compile(r'\d+,\d+(?!\S)|"[^"]*"|\'[^\']*\'|</?[\w:.-]+|[^\s,:#<>\[\]{}"\']+')
-# YAML ends lines at these too; XML does not. A file with one has no line that both count alike.
+# YAML also ends lines at these; XML does not. Line numbers of a file with one are ambiguous.
 _ODD_BREAKS = re.compile("[\x0b\x0c\x85\u2028\u2029]")
 
 
 def excerpt(span: Span, folders: Iterable[str]) -> list[str]:
-    """Return the line of a place and a line of ``^`` below its text, for a terminal.
+    """Return the line of a place and a line of ``^`` below it, for a terminal.
 
-    Empty where nothing can be shown: a place without a line, and a file that is gone, is not text,
-    or has more than 4 MiB; and where it must not be shown. An untrusted file can refer to any file
-    of the user, whose content does not belong in a log.
+    Empty if nothing can be shown: the place has no line, or the file is missing, is not text, or
+    has more than 4 MiB. Also empty for files that must not be shown: an untrusted file can refer to
+    any file of the user, whose content does not belong in a log.
 
     Args:
         span: The place.
@@ -73,7 +73,7 @@ def _shown(text: str) -> str:
 
 
 def _columns(text: str) -> int:
-    """Return the columns that a text takes in a terminal."""
+    """Return the number of columns of a text in a terminal."""
     wide = sum(unicodedata.east_asian_width(c) in "WF" for c in text)
     return len(text) + wide - sum(unicodedata.combining(c) > 0 for c in text)
 

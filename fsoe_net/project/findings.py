@@ -1,4 +1,4 @@
-"""Findings as a whole: which are errors, and how they are written for people and programs."""
+"""Findings as a whole: errors, and their text and documents."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ _DOCS = "https://fsoe-net.github.io/fsoe-net/diagnostics"
 
 
 class Findings(Sequence[Diagnostic]):
-    """What was found in a network, sorted by file, line and column.
+    """The findings of a network, sorted by file, line and column.
 
     Args:
-        diagnostics: In any order.
-        runtime: The documents also say what this runtime does today with each mistake.
+        diagnostics: Findings in any order.
+        runtime: Runtime whose current handling of each mistake is added to the documents.
     """
 
     def __init__(self, diagnostics: Iterable[Diagnostic], runtime: Runtime = Runtime.FSN) -> None:
@@ -53,17 +53,17 @@ class Findings(Sequence[Diagnostic]):
         return f"<Findings: {summary(self._rows) or 'none'}>"
 
     def __str__(self) -> str:
-        """Return what ``fsoe-net check`` prints, without colours and lines of files."""
+        """Return the output of ``fsoe-net check``, without colours and lines of files."""
         return "\n".join(finding_text(row, self._runtime) for row in self._rows)
 
     @property
     def errors(self) -> tuple[Diagnostic, ...]:
-        """Those that keep a network from being compiled."""
+        """Findings that prevent the network from being compiled."""
         return self._of(Severity.ERROR)
 
     @property
     def warnings(self) -> tuple[Diagnostic, ...]:
-        """Those that a person has to judge."""
+        """Findings that a person must judge."""
         return self._of(Severity.WARNING)
 
     @property
@@ -73,7 +73,7 @@ class Findings(Sequence[Diagnostic]):
 
     @property
     def ok(self) -> bool:
-        """Whether it is free of errors; warnings are allowed."""
+        """Whether there are no errors; warnings are allowed."""
         return not self.errors
 
     def to_json(self) -> dict[str, object]:
@@ -95,9 +95,9 @@ def finding_text(
 
     Args:
         d: The finding.
-        runtime: Adds what this runtime does today with the mistake.
-        level: Replaces ``error[FSN202]``, such as by the same in colour.
-        folders: Where lines of files may be shown, see `excerpt`.
+        runtime: Adds how this runtime handles the mistake today.
+        level: Replacement for ``error[FSN202]``, such as the same text in colour.
+        folders: Folders whose files may be shown, see `excerpt`.
     """
     level = level or f"{d.level.value}[{d.code}]"
     lines = [f"{printable(str(d.span))}: {level}: {printable(d.message)}"]
@@ -133,7 +133,7 @@ def json_document(diagnostics: Sequence[Diagnostic], runtime: Runtime) -> dict[s
 
 
 def github_line(d: Diagnostic) -> str:
-    """Return a GitHub workflow command; `%`, newlines and separators are escaped as GitHub asks."""
+    """Return a GitHub workflow command; `%`, newlines and separators are escaped."""
     word = {"error": "error", "warning": "warning", "info": "notice"}[d.level.value]
     place = f"file={_escape(d.span.file, prop=True)}"
     if d.span.line:
@@ -194,7 +194,7 @@ def sarif_document(diagnostics: Sequence[Diagnostic], runtime: Runtime) -> dict[
 
 
 def _today(d: Diagnostic, runtime: Runtime) -> dict[str, object]:
-    """Return what the present runtime does, as a property bag of SARIF."""
+    """Return how the runtime handles it today, as a property bag of SARIF."""
     today = effect_today(d.code, runtime)
     return {"properties": {"runtime": runtime.value, "today": today}} if today else {}
 

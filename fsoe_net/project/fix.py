@@ -1,4 +1,4 @@
-"""Hints with exactly one way to follow them, put into the files."""
+"""Applies hints that have exactly one solution to the files."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ _AGAIN = "check it again"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fixes:
-    """What hints would change.
+    """The changes of the hints.
 
     Attributes:
-        before: The files as they were read, by path.
-        after: Those that change, as they would be.
-        fixed: How many findings that fixes.
+        before: The original files, by path.
+        after: The changed files.
+        fixed: Number of findings fixed.
     """
 
     before: Mapping[str, bytes]
@@ -32,7 +32,7 @@ class Fixes:
 
     @classmethod
     def of(cls, found: Sequence[Diagnostic], sources: Sequence[SourceFile]) -> Fixes:
-        """Return what the hints of findings would change in the files they were found in.
+        """Return the changes that the hints of findings make in their files.
 
         Raises:
             InputError: A file has changed since it was read.
@@ -54,7 +54,7 @@ class Fixes:
         return cls(before=before, after=after, fixed=fixed)
 
     def diff(self) -> str:
-        """Return the change as a unified diff; empty when there is none."""
+        """Return the change as a unified diff; empty if there is none."""
         lines: list[str] = []
         for path, data in self.after.items():
             old, new = (text.decode("utf-8").splitlines() for text in (self.before[path], data))
@@ -65,8 +65,8 @@ class Fixes:
         """Write the files, all or none.
 
         Raises:
-            InputError: Somebody has edited one since it was read.
-            EnvironmentFault: One cannot be written.
+            InputError: A file has been changed since it was read.
+            EnvironmentFault: A file cannot be written.
         """
         for path in self.after:
             sha256 = hashlib.sha256(self.before[path]).hexdigest()
@@ -75,7 +75,7 @@ class Fixes:
 
 
 def _patched(data: bytes, path: str, found: Iterable[Diagnostic]) -> tuple[bytes, frozenset[Edit]]:
-    """Return the file with every finding fixed of which all edits can be made."""
+    """Return the file with all findings fixed whose edits can be applied."""
     rows = list(found)
     while True:
         patched, made = patch_yaml(data, path, [e for d in rows for e in d.edits])

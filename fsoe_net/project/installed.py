@@ -22,12 +22,12 @@ _NAME = re.compile(r"[A-Za-z0-9._-]+")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InstalledFiles:
-    """The files of the package as they are now.
+    """The current files of the package.
 
     Attributes:
-        hashes: Path below the folder that holds the package, with the SHA-256 of the file, in hex.
-        recorded: The same as the installer recorded it; empty where its record is not there.
-        is_tree: Whether it is a source tree, whose files no installer recorded.
+        hashes: SHA-256 of each file in hex, by path below the parent folder of the package.
+        recorded: The same, as recorded by the installer; empty if there is no record.
+        is_tree: Whether it is a source tree, which has no record of an installer.
     """
 
     hashes: Mapping[str, str]
@@ -36,7 +36,7 @@ class InstalledFiles:
 
     @property
     def build(self) -> str:
-        """SHA-256 over the lines that ``sha256sum`` prints of all files, sorted by path."""
+        """SHA-256 over the output of ``sha256sum`` for all files, sorted by path."""
         lines = "".join(f"{self.hashes[path]}  {path}\n" for path in sorted(self.hashes))
         return hashlib.sha256(lines.encode("utf-8")).hexdigest()
 
@@ -57,7 +57,7 @@ def installed_files() -> InstalledFiles:
     }
     spec = importlib.util.find_spec("fsoe_net.core._core")
     if spec is not None and spec.origin is not None:
-        module = Path(spec.origin)  # of a source tree it lies elsewhere
+        module = Path(spec.origin)  # in a source tree, it is elsewhere
         paths[f"{_PACKAGE.name}/core/{module.name}"] = module
     hashes = {name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in paths.items()}
     is_tree = (_PACKAGE.parent / "pyproject.toml").is_file()
@@ -65,7 +65,7 @@ def installed_files() -> InstalledFiles:
 
 
 def _recorded() -> dict[str, str]:
-    """Return what the installer wrote down about this package, if it is the one that it copied."""
+    """Return the installer's record of this package, if it belongs to this copy."""
     try:
         distribution = importlib.metadata.distribution("fsoe-net")
     except importlib.metadata.PackageNotFoundError:
@@ -84,18 +84,18 @@ def _recorded() -> dict[str, str]:
 
 
 def shipped(name: str, in_source: str = "") -> Path:
-    """Return a file or folder that comes with the package, of the source tree where it lies there.
+    """Return a file or folder included in the package, or its counterpart in the source tree.
 
     Args:
         name: Its place in an installed package.
-        in_source: Its place in a source tree, where that is another.
+        in_source: Its place in a source tree, if different.
     """
     inside = _PACKAGE / name
     return inside if inside.exists() else _PACKAGE.parent / (in_source or name)
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of fsoe-net, Python, the system and every package that it needs."""
+    """Return the versions of fsoe-net, Python, the system and all required packages."""
     found = {
         "fsoe-net": __version__,
         "Python": f"{platform.python_implementation()} {platform.python_version()}",

@@ -1,4 +1,4 @@
-"""What has a fingerprint: a network, a plan, an acceptance record, or a fingerprint in JSON."""
+"""Items with a fingerprint: a network, a plan, an acceptance record, or a fingerprint in JSON."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Known:
     functions: tuple[SafetyFunction, ...] | None = None
 
     def section_text(self, name: str) -> str | None:
-        """Return the canonical text of a section, ``None`` where only its hash is known."""
+        """Return the canonical text of a section, or ``None`` if only its hash is known."""
         if name == "safety_functions":
             return None if self.functions is None else safety_text(self.functions)
         return None if self.plan is None else canonical_section(self.plan, name)
@@ -54,7 +54,7 @@ class Known:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AcceptedRecord:
-    """An acceptance record with the plan in it, and the fingerprint worked out from that plan."""
+    """An acceptance record with its plan, and the fingerprint calculated from that plan."""
 
     source: SourceFile
     record: Acceptance
@@ -69,10 +69,10 @@ def read_known(
     *,
     refusal: str = "no fingerprint",
 ) -> Known:
-    """Read a plan, a record, a fingerprint in JSON, or the files of a network; known by content.
+    """Read a plan, a record, a fingerprint in JSON, or the files of a network, by content.
 
     Raises:
-        InputError: It cannot be read, or the network has an error.
+        InputError: The files cannot be read, or the network has an error.
     """
     path = ", ".join(files)
     if len(files) == 1:
@@ -101,10 +101,10 @@ def read_known(
 
 
 def read_record(path: str) -> AcceptedRecord:
-    """Read an acceptance record whose fingerprint is that of the plan in it.
+    """Read an acceptance record whose fingerprint is that of its plan.
 
     Raises:
-        InputError: It cannot be read, or does not hold together.
+        InputError: The file cannot be read, or is inconsistent.
     """
     out = Collector()
     record = load_acceptance(path, out)
@@ -116,10 +116,10 @@ def read_record(path: str) -> AcceptedRecord:
 
 
 def is_record(path: str) -> bool:
-    """Whether a file is meant to be an acceptance record.
+    """Whether a file appears to be an acceptance record.
 
     Raises:
-        InputError: It cannot be read.
+        InputError: The file cannot be read.
     """
     return is_acceptance(read_source(path, most=MAX_RECORD_BYTES)[1])
 

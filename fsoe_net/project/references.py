@@ -1,4 +1,4 @@
-"""Other files a network is compared with, known by content."""
+"""Other files that a network is compared with, recognised by content."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class References:
 def split_files(files: Sequence[str]) -> tuple[list[str], list[tuple[str, Format]]]:
     """Return the files of the network itself, and the other ones with their formats.
 
-    An unknown file counts as one of the network, whose reader then reports the error.
+    An unknown file counts as a file of the network, whose reader then reports the error.
     """
     own: list[str] = []
     others: list[tuple[str, Format]] = []
@@ -51,7 +51,7 @@ def split_files(files: Sequence[str]) -> tuple[list[str], list[tuple[str, Format
 def read_references(
     files: Sequence[tuple[str, Format]], network: NetworkConfig, *, master: str = ""
 ) -> References:
-    """Read the other files; of an ESI only the devices of the network, of several masters one."""
+    """Read the other files: of an ESI only the devices in the network, of several masters one."""
     found = References()
     for path, known in files:
         out = Collector()
@@ -76,7 +76,7 @@ def _sha256(path: str) -> str:
         with open(path, "rb") as stream:
             return hashlib.file_digest(stream, "sha256").hexdigest()
     except OSError:
-        return ""  # it was there when it was read
+        return ""  # it existed when it was read
 
 
 def _devices(path: str, network: NetworkConfig, out: Collector) -> Description | None:
@@ -91,7 +91,7 @@ def _devices(path: str, network: NetworkConfig, out: Collector) -> Description |
     mine = Collector()
     description = load_devices(path, wanted, mine)
     if any(d.code == "FSN135" for d in mine.diagnostics):
-        # A revision older than all of the file: the newest is compared, and that is said.
+        # A revision older than all in the file: the newest is compared, with a remark.
         mine = Collector()
         description = load_devices(path, [replace(w, revision=None) for w in wanted], mine)
     out.diagnostics += [d for d in mine.diagnostics if d.code not in _NOT_FOUND]

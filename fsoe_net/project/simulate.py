@@ -1,4 +1,4 @@
-"""A checked network on the emulated bus."""
+"""Runs a checked network on the emulated bus."""
 
 from __future__ import annotations
 
@@ -45,18 +45,18 @@ def simulate(
 
     Args:
         resolution: The network.
-        plan_file: A plan that shall be that of the network.
+        plan_file: A plan that must match the network.
         scenario_file: Steps and expectations.
-        duration_ns: How long; otherwise what the scenario states, or 3 s.
+        duration_ns: Duration; by default that of the scenario, or 3 s.
         virtual: Simulated time; otherwise the C core cycles in real time.
         capture: File for the frames of a virtual run (pcapng).
-        incidents: Folder for a file when a connection fails.
-        device_period_ns: Pace of the emulated devices in real time; otherwise 1 ms.
-        on_update: Called about ten times a second of a run in real time.
+        incidents: Folder for an incident file if a connection fails.
+        device_period_ns: Cycle of the emulated devices in real time; by default 1 ms.
+        on_update: Called about ten times a second during a run in real time.
 
     Raises:
-        InputError: As `prepare`.
-        CoreMissing: The compiled part is not there.
+        InputError: As in `prepare`.
+        CoreMissing: The compiled part is missing.
         EnvironmentFault: A file cannot be written.
     """
     session = prepare(resolution, plan_file, scenario_file, virtual=virtual)
@@ -84,7 +84,8 @@ def prepare(
     """Build a session from a checked network.
 
     Raises:
-        InputError: No connection, a plan of another network, or a scenario with mistakes.
+        InputError: There is no connection, the plan is for another network, or the scenario has
+            errors.
     """
     if resolution.network.partial or not resolution.connections:
         raise InputError(
@@ -100,10 +101,10 @@ def prepare(
 
 
 def plan_bytes(resolution: Resolution, plan_file: str | None) -> bytes:
-    """Return the compiled plan; a plan file that is given must be the same.
+    """Return the compiled plan; a given plan file must be equal.
 
     Raises:
-        InputError: A plan of another network.
+        InputError: The plan is for another network.
     """
     fresh = compile_plan(resolution).to_bytes()
     return fresh if plan_file is None else _plan_of(plan_file, fresh)
@@ -119,7 +120,7 @@ def _plan_of(plan_file: str, fresh: bytes) -> bytes:
 
 
 def with_scenario(make: Callable[[Scenario | None], _Run], path: str | None) -> _Run:
-    """Return a stage with the scenario of a file; without a file the stage alone.
+    """Return a stage with the scenario of a file, or without a scenario.
 
     Raises:
         InputError: The scenario has errors, in itself or against the network, all reported at once.

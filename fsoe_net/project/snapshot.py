@@ -31,11 +31,11 @@ _FILE = "network file"
 
 
 def snapshot(checked: Checked, path: str) -> Document:
-    """Return bus, slots, connections and findings of a network; also of one with errors.
+    """Return bus, slots, connections and findings of a network, even if it has errors.
 
     Args:
         checked: The network, with everything found in it.
-        path: Its file, as the user named it.
+        path: Its file, as named by the user.
     """
     found, resolution = checked.diagnostics, checked.resolution
     worst = min((d.level for d in found), key=lambda level: level.rank, default=None)
