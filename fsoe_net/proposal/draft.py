@@ -1,4 +1,4 @@
-"""From what was gathered and answered to a proposal, again after each answer."""
+"""Creates a proposal from gathered data and answers, again after each answer."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Draft:
 
     @property
     def open(self) -> tuple[str, ...]:
-        """What a person still has to do, in words."""
+        """Remaining tasks for a person, in words."""
         if self.proposal is None:
             return ()
         bus = self.proposal.bus
@@ -88,8 +88,8 @@ class Draft:
         """Write the files, all or none.
 
         Raises:
-            InputError: As `files`; or one exists, and is not to be replaced.
-            EnvironmentFault: One cannot be written; the existing content is unchanged.
+            InputError: As in `files`; or a file exists and must not be replaced.
+            EnvironmentFault: A file cannot be written; the existing content is unchanged.
         """
         files = {name: text.encode("utf-8") for name, text in self.files().files.items()}
         write_all(folder, files, overwrite=overwrite)
@@ -97,7 +97,7 @@ class Draft:
 
 @dataclass(slots=True)
 class Inputs:
-    """What was gathered, the device library, and the rings already built."""
+    """The gathered data, the device library, and the rings built so far."""
 
     found: Gathered
     library: Library
@@ -133,7 +133,7 @@ class Inputs:
     def _with_process_data(self, bus: Description, out: Collector, notes: list[str]) -> Description:
         from fsoe_net.formats.esi.wanted import load_devices
 
-        # Without a bus, types are candidates and not what is there.
+        # Without a bus, types are only candidates.
         types = list(self.found.types) if self.found.buses else []
         for path in self.found.esis if self.found.buses else ():
             made = load_devices(path, [s for s in bus.subdevices if not has_layout(s.device)], out)
@@ -141,7 +141,7 @@ class Inputs:
                 types.append(made)
         filled = fill_devices(bus, types, notes)
         idle = idle_types(bus, types)
-        # A folder of ESI files has hundreds of types; a number is enough.
+        # A folder of ESI files has hundreds of types; a number is sufficient.
         if len(idle) >= _MOST_IDLE:
             idle = [f"{len(idle)} device types that no SubDevice has are left out"]
         notes += idle
@@ -153,7 +153,7 @@ def make_draft(inputs: Inputs, answers: Answers) -> Draft:
     bus, out, notes = inputs.ring(answers)
     findings = list(out.diagnostics)
     name = answers.name or inputs.found.name or "network"
-    # The bus in a file is a fact; an answer about it could only contradict.
+    # The bus in a file is a fact, which an answer could only contradict.
     if inputs.found.buses and answers.subdevices:
         where = inputs.found.buses[0].path
         findings.append(
@@ -164,7 +164,7 @@ def make_draft(inputs: Inputs, answers: Answers) -> Draft:
                 hint="delete subdevices: from the answers, or leave that file out",
             )
         )
-    # Without a ring no proposal is possible: the ring is asked for first.
+    # Without a ring no proposal is possible, so the ring is asked for first.
     if bus is None:
         question = () if answers.subdevices else (_ask_ring(inputs),)
         return Draft(
@@ -204,11 +204,11 @@ def make_draft(inputs: Inputs, answers: Answers) -> Draft:
 
 
 def question_findings(made: Draft, *, answered: bool) -> list[Diagnostic]:
-    """Return FSN157 for each open question, an error where nothing can be written without it.
+    """Return FSN157 for each open question; an error if nothing can be written without it.
 
     Args:
-        made: With its questions.
-        answered: Somebody has given answers, or said that the rest is to stay open.
+        made: The draft, with its questions.
+        answered: Whether answers were given, or the rest may stay open.
     """
     more = "" if answered else "; --no-input leaves it open"
     return [
@@ -252,12 +252,12 @@ def _ask_ring(inputs: Inputs) -> Question:
 
 
 def _names(subdevices: Sequence[DescribedSubDevice]) -> tuple[str, ...]:
-    """Return names of one word; those that several SubDevices would have get numbers."""
+    """Return names of one word; duplicates get numbers."""
     return numbered([_word(s) for s in subdevices])
 
 
 def _word(sub: DescribedSubDevice) -> str:
-    # A name in capitals is an order number and not a name that a person gave.
+    # A name in capitals is an order number, not a name given by a person.
     if _NAME.match(sub.name) and not sub.name.isupper() and sub.name != sub.order:
         return sub.name
     text = sub.order if sub.order and sub.name.isdecimal() else sub.name or sub.order
@@ -277,14 +277,14 @@ def _modules(part: NetworkConfig) -> set[str]:
 
 
 def _with_part(bus: Description, part: NetworkConfig | None, notes: list[str]) -> Description:
-    """Add the transfers of a file whose modules now are known by their names."""
+    """Add the transfers of a file if all its modules are now known by name."""
     if part is None:
         return bus
     subs = tuple(
         SubDevice(span=s.span, name=n, position=s.position or 0, alias=s.alias, device=s.device)
         for s, n in zip(bus.subdevices, _names(bus.subdevices), strict=True)
     )
-    # A transfer with one unknown module cannot be placed; half of the transfers would mislead.
+    # A transfer with an unknown module cannot be placed; half of the transfers would mislead.
     missing = sorted(_modules(part) - {s.name for s in subs})
     if missing:
         notes.append(

@@ -76,7 +76,7 @@ def _device(proposal: Proposal, number: int) -> tuple[str, ...]:
 
 def _subdevice(proposal: Proposal, number: int) -> tuple[str, ...]:
     sub = proposal.bus.subdevices[number]
-    # The order number is repeated only where the name does not contain it.
+    # The order number is repeated only if the name does not contain it.
     title = sub.order if sub.order and sub.order.casefold() != sub.name.casefold() else ""
     lines = [title] if title else []
     if number in proposal.mains:
@@ -91,11 +91,11 @@ def _subdevice(proposal: Proposal, number: int) -> tuple[str, ...]:
 
 
 def answers_template(made: Draft, answered: str | None = None) -> str:
-    """Return an answers file with everything that is open, as comments to be completed.
+    """Return an answers file with all open points, as comments to be completed.
 
     Args:
         made: The proposal so far.
-        answered: File whose answers it has already; they are not in the text.
+        answered: File with existing answers; they are not in the text.
     """
     lines = _template_head(made.name, answered)
     proposal = made.proposal
@@ -135,7 +135,7 @@ def _frame_lines(questions: list[Question]) -> list[str]:
 
 
 def _question_lines(question: Question, rows: list[str]) -> list[str]:
-    """Return a question with its facts and the lines that may answer it, as comments."""
+    """Return a question with its facts and possible answer lines, as comments."""
     return [f"#   {row}" for row in (f"# {question.text}", *_comments(question.facts), *rows)]
 
 

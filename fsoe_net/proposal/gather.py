@@ -28,7 +28,7 @@ _DEEPEST = 5
 _SCAN = re.compile(rb'\s*\{\s*"scan"\s*:')
 # An incomplete network is not an error here: this command completes it.
 _LACKING = {"FSN125", "FSN223"}
-# A driver stops there; the SubDevice is known nevertheless.
+# A driver stops at these; the SubDevice is known nevertheless.
 _TOLERATED = {"FSN120"}
 
 
@@ -68,11 +68,11 @@ def gather(paths: Sequence[str], options: LoadOptions, *, answers: str | None = 
 
     Args:
         paths: Files and folders.
-        options: How references in YAML and URDF are followed.
+        options: Options for following references in YAML and URDF.
         answers: File with answers missing in the other files; it may be in one of the folders.
 
     Raises:
-        InputError: Files named by the user cannot be read; it has the errors of all of them.
+        InputError: Files named by the user cannot be read; it contains all their errors.
     """
     found = Gathered()
     skipped = set()
@@ -93,7 +93,7 @@ def gather(paths: Sequence[str], options: LoadOptions, *, answers: str | None = 
     yaml_files: list[tuple[str, bool]] = []
     for path, in_folder in named:
         mine = Collector()
-        # A file in a folder may be anything; one that was named must be readable.
+        # A file in a folder may be anything; a file that was named must be readable.
         head = head_of(path, mine)
         # Scans are JSON and would otherwise be taken for another format.
         if head is not None and _SCAN.match(head):
@@ -102,7 +102,7 @@ def gather(paths: Sequence[str], options: LoadOptions, *, answers: str | None = 
         known = None if head is None else find_format(head, mine, name=path)
         if known is None:
             _keep(found, path, mine, in_folder, False)
-        # YAML files refer to each other and are read together, at the end.
+        # YAML files refer to each other and are read together at the end.
         elif known.yields is Yields.NETWORK:
             yaml_files.append((path, in_folder))
         elif known.yields is Yields.CATALOGUE:
@@ -110,7 +110,8 @@ def gather(paths: Sequence[str], options: LoadOptions, *, answers: str | None = 
             found.used.append(path)
         else:
             read = read_foreign(path, known, mine, master=options.master)
-            # All files are read before errors end the command: the user corrects them in one go.
+            # All files are read before errors end the command, so that the user can correct them
+            # together.
             _keep(found, path, mine, in_folder, _sorted(read, known, found))
     _read_yaml(yaml_files, options, found)
     errors = [d for d in found.out.diagnostics if d.level is Severity.ERROR]
@@ -124,7 +125,7 @@ def _files_in(folder: str, out: Collector) -> list[str]:
     base = os.path.normpath(folder).count(os.sep)
     for place, folders, names in os.walk(folder):
         deep = os.path.normpath(place).count(os.sep) - base
-        # A deep tree is a home folder given by mistake.
+        # A deep tree is probably a home folder given by mistake.
         folders[:] = sorted(f for f in folders if not f.startswith(".") and deep < _DEEPEST)
         found += [os.path.join(place, n) for n in sorted(names) if not n.startswith(".")]
         if len(found) > _MOST_FILES:
@@ -136,9 +137,9 @@ def _files_in(folder: str, out: Collector) -> list[str]:
     return _without_parts(found)
 
 
-# A part that is read on its own would appear twice.
+# A part that is read separately would appear twice.
 def _without_parts(files: list[str]) -> list[str]:
-    """Leave out the parts of projects that are here whole: these name them."""
+    """Leave out the parts of projects that are complete here, because these include them."""
     endings = {os.path.splitext(f)[1].lower() for f in files}
     parts: tuple[str, ...] = ()
     for found in all_formats().values():
@@ -149,9 +150,9 @@ def _without_parts(files: list[str]) -> list[str]:
 
 
 def _keep(found: Gathered, path: str, mine: Collector, in_folder: bool, good: bool) -> None:
-    """Take the findings of a file; an unreadable one of a folder is only left out.
+    """Add the findings of a file; an unreadable file of a folder is only skipped.
 
-    Errors of a file that the user has named end `gather`, when all files have been read.
+    Errors of a file named by the user end `gather` after all files have been read.
     """
     errors = [d for d in mine.diagnostics if d.level is Severity.ERROR]
     if errors and in_folder:
@@ -188,7 +189,7 @@ def _sorted(read: Description | None, known: Format, found: Gathered) -> bool:
         found.notes.append(f"{read.path} is cut off: what is missing there is not guessed")
     if known.yields is Yields.CONNECTIONS:
         found.projects.append(read)
-    # Descriptions without positions are types, even from a format that can hold a bus.
+    # Descriptions without positions are types, even in a format that can describe a bus.
     elif known.yields is Yields.TYPES or read.placeless:
         found.types.append(read)
     else:
@@ -204,7 +205,7 @@ def _read_yaml(files: list[tuple[str, bool]], options: LoadOptions, found: Gathe
     kinds: dict[str, list[tuple[str, bool]]] = {}
     for path, in_folder in files:
         kinds.setdefault(_yaml_kind(path), []).append((path, in_folder))
-    # Roots first: what they name is not read a second time.
+    # Roots first: files that they refer to are not read a second time.
     roots = kinds.get("network", []) + kinds.get("robot", [])
     transfers = kinds.get("transfers", [])
     known: set[str] = set()
@@ -243,17 +244,16 @@ def _read_root(
     options: LoadOptions,
     found: Gathered,
 ) -> set[str]:
-    """Read one root file; return the real paths of everything it brought along."""
+    """Read one root file; return the real paths of all files that it includes."""
     path, in_folder = files[0]
-    # A URDF names its transfers itself; others in the list are for one that does not.
-    # A URDF without transfers takes those that were given.
+    # A URDF names its own transfers; other given files are for a URDF that does not.
     loaded = load_network([path], options)
     if transfers and loaded.network is not None and not loaded.network.nets:
         loaded = load_network([path, *(t for t, _ in transfers)], options)
     mine = Collector()
     mine.diagnostics += [
         replace(d, severity=Severity.WARNING) if d.code in _TOLERATED else d
-        # Findings about missing parts are expected: `init` is what adds them.
+        # Findings about missing parts are expected, because `init` adds these.
         for d in loaded.diagnostics
         if d.code not in _LACKING
     ]
@@ -274,14 +274,14 @@ def _read_root(
 
 
 def _confirmed(network: NetworkConfig, out: Collector) -> NetworkConfig:
-    """Return a network without its unconfirmed connections: here they are open once more.
+    """Return a network without its unconfirmed connections, which become open questions again.
 
     Raises:
-        InputError: It has transfers for one of them, which would speak for it.
+        InputError: An unconfirmed connection has transfers, which contradicts that.
     """
     nets = []
     for net in network.nets:
-        # An unconfirmed connection is a proposal: to read it as a fact would confirm it silently.
+        # An unconfirmed connection is a proposal: reading it as a fact would confirm it silently.
         kept = [c for c in net.connections if c.unconfirmed is None]
         for row in net.connections:
             if row.unconfirmed is None:
@@ -310,7 +310,7 @@ def _sort_network(network: NetworkConfig, path: str, found: Gathered) -> None:
         ends = {
             e.module for n in network.nets for t in n.transfers for e in (t.source, t.destination)
         }
-        # All ends are declared: the partial file is a bus of its own.
+        # All ends are declared: the partial file is a separate bus.
         if ends <= declared:
             found.buses.append(replace(describe(network), path=path))
         else:

@@ -1,4 +1,4 @@
-"""Connections that are known: from copies, from connections that files name, from answers."""
+"""Known connections: from copies, from connections in files, from answers."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _VALUES = ("address", "connection_id", "watchdog_ms", "app_parameters")
 
 @dataclass(slots=True, kw_only=True)
 class CopyLink:
-    """A connection between two pairs of frames, and how it is known."""
+    """A connection between two pairs of frames, and the source of this fact."""
 
     main: PairEnd
     sub: PairEnd
@@ -38,7 +38,7 @@ class Moves:
 
     Attributes:
         both: Two pairs whose complete frames are copied in both directions, with both copies.
-        rest: All other copies; kept unchanged.
+        rest: All other copies, unchanged.
         touched: Pairs used by the other copies.
     """
 
@@ -51,7 +51,7 @@ class Moves:
         found: Mapping[tuple[tuple[int, int], ...], DescribedCopy],
         pairs: Mapping[tuple[int, int], PairEnd],
     ) -> None:
-        """Add copies from pair to pair: with one the other way round they are a connection."""
+        """Add copies from pair to pair; together with the reverse copies they are a connection."""
         for (one, two), copy in found.items():
             back = found.get((two, one))
             if back is None:
@@ -103,13 +103,13 @@ def _place(end: DescribedEnd) -> tuple[int, int, int]:
 
 
 def link_moves(moves: Moves, ends: Sequence[FrameEnd], path: str) -> list[CopyLink]:
-    """Return a link for each connection in the copies; those without known roles stay copies."""
+    """Return a link for each connection in the copies; those with unknown roles stay copies."""
     links = []
     for one, two, copy, back in moves.both:
         roles = [ends[p.subdevice].role for p in (one, two)]
         if roles == ["sub", "main"]:
             one, two = two, one
-        # Roles that contradict the copies: nothing is guessed.
+        # Roles that contradict the copies: do not guess.
         elif roles != ["main", "sub"]:
             moves.rest += [copy, back]
             moves.touched |= {one.key, two.key}
@@ -131,17 +131,17 @@ def link_connections(
     path: str,
     out: FindingList,
 ) -> tuple[list[str], list[PairEnd]]:
-    """Add the files' facts about connections, and return those that do not match.
+    """Add the facts about connections in files, and return those that do not match.
 
     Args:
         rows: Connections of the files.
-        ends: With their roles.
-        links: Those of the copies take the facts; new ones are added.
+        ends: Pairs of frames with their roles.
+        links: Links from copies, which receive the facts; new ones are added.
         path: The file.
         out: Takes FSN159 for facts that do not match.
 
     Returns:
-        What does not fit, in words, and the frames this is about: lengths shall not settle them.
+        The mismatches in words, and the frames concerned, which must not be paired by lengths.
     """
     problems: list[str] = []
     disputed: list[PairEnd] = []
@@ -158,12 +158,12 @@ def link_connections(
             continue
         if ends[main].role != "main":
             continue
-        # Copies settle which frames; the connection adds its facts.
+        # Copies determine the frames; the connection adds its facts.
         same = next((link for link in links if _is_same(link, main, row)), None)
         if same is not None:
             _take(same, row, path)
             continue
-        # Frames are not known yet: another file may bring them.
+        # The frames are not known yet: another file may contain them.
         bare = next((e for e in (ends[main], ends[row.sub]) if e.is_bare), None)
         if bare is not None:
             problems.append(
@@ -173,7 +173,7 @@ def link_connections(
         text = _link_row(row, main, ends, links, path)
         if text:
             problems.append(text)
-            # Frames that two files dispute must not be settled by lengths.
+            # Frames that two files dispute must not be paired by lengths.
             disputed += _in_slot(ends[main].pairs, row.slot)
             disputed += ends[row.sub].pairs
             out.add(
@@ -195,7 +195,7 @@ def _is_same(link: CopyLink, main: int, row: DescribedConnection) -> bool:
 
 def _agree(one: DescribedConnection, two: DescribedConnection) -> bool:
     """Whether two files may describe the same connection: no common fact differs."""
-    # Of one file, two rows are two connections even if all facts agree.
+    # Within one file, two rows are two connections, even if all facts are equal.
     if one.span.file and one.span.file == two.span.file:
         return one.span == two.span
     pairs = [(getattr(one, key), getattr(two, key)) for key in _VALUES]
@@ -203,7 +203,7 @@ def _agree(one: DescribedConnection, two: DescribedConnection) -> bool:
 
 
 def _take(link: CopyLink, row: DescribedConnection, path: str) -> None:
-    """Add facts of a file to a link that another file named."""
+    """Add facts of a file to a link from another file."""
     if not link.facts.span.file:
         link.facts = _marked(row, path)
         return
@@ -243,7 +243,7 @@ def _link_row(
     free = [p for p in ends[row.sub].pairs if p.key not in used]
     fitting = [(m, s) for m in slots for s in free if m.fits(s)]
     said = _said(row, main, ends, path)
-    # One that fits is settled; more are a question for the user.
+    # A single match is decided; several are a question for the user.
     if len(fitting) == 1:
         links.append(
             CopyLink(
@@ -266,9 +266,9 @@ def link_answers(
     """Add the connections of the answers.
 
     Args:
-        answers: With their places.
-        ends: With their roles.
-        links: Known ones, which answers may not contradict; new ones are added.
+        answers: Answers with their places.
+        ends: Pairs of frames with their roles.
+        links: Known links, which answers must not contradict; new ones are added.
         out: Takes FSN155 for unknown names, FSN156 for facts that do not match.
     """
     by_name = {e.name: e for e in ends}
@@ -327,13 +327,13 @@ def _link_answer(
     if not slots:
         _no_slot(row, "slot", mains, out)
         return
-    # A file that already connects these frames only has to agree.
+    # If a file already connects these frames, it only has to match.
     if _is_linked(row, slots, subs, links, out):
         return
     taken = {pair.key for link in links for pair in (link.main, link.sub)}
     fitting = [(m, s) for m, s in product(slots, subs) if m.fits(s)]
     free = [(m, s) for m, s in fitting if not taken & {m.key, s.key}]
-    # One free pair among several could be by accident, unless the answer names a slot.
+    # One free pair among several could be accidental, unless the answer names a slot.
     if len(free) == 1 and (row.slot is not None or len(fitting) == 1):
         main, pair = free[0]
         links.append(CopyLink(main=main, sub=pair, why=_as_answered(row), facts=_facts(row)))
@@ -357,7 +357,7 @@ def _is_linked(
     links: list[CopyLink],
     out: FindingList,
 ) -> bool:
-    """Whether a file already connects these frames: as in the answer, or FSN156."""
+    """Whether a file already connects these frames as in the answer; otherwise FSN156."""
     known = [link for link in links if link.sub in subs]
     same = next((link for link in known if link.main in slots), None)
     if same is not None:
@@ -417,7 +417,7 @@ def _refuse(
             else f"which frames of {row.sub} are in slot {row.slot}?",
             hint="add main:" if len(ends) > 1 else f"add sub_slot: {numbers}",
         )
-    # Without a slot the row states facts only; which slot it is stays a question.
+    # Without a slot the row only states facts; the slot remains a question.
 
 
 def _range(end: FrameEnd) -> str:
@@ -440,11 +440,11 @@ def state_facts(link: CopyLink, row: ConnectionFacts, out: FindingList) -> None:
     Args:
         link: The connection.
         row: The answer.
-        out: Takes FSN156 where a file contradicts it.
+        out: Takes FSN156 if a file contradicts it.
     """
     values: dict[str, int | None] = {}
     for key in ("address", "connection_id", "watchdog_ms"):
-        # An answer fills in what a file leaves open, and never replaces it silently.
+        # An answer adds facts that a file leaves open, and never replaces any silently.
         old, new = getattr(link.facts, key), getattr(row, key)
         values[key] = old if new is None else new
         if new is not None and old is not None and new != old:

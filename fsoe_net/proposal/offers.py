@@ -1,7 +1,7 @@
 """SubDevices that can be added to a network: types of the device library and of files, whole buses.
 
-Each goes the way of ``fsoe-net init`` with one SubDevice on the bus, so that its device file is the
-one that ``init`` writes.
+Each offer is processed like ``fsoe-net init`` with one SubDevice on the bus, so that its device
+file is the same as that of ``init``.
 """
 
 from __future__ import annotations
@@ -35,8 +35,9 @@ class Offer:
         path: Source of its description: a file, or ``device library``.
         position: Ring position, if a file describes the bus.
         revision: Revision number, if known.
-        process_data: Process data of the device library to use; empty: those of its file.
-        frames: Bytes of each pair of FSoE frames, to the device and from it; empty: not yet known.
+        process_data: Process data of the device library to use; empty for those of its file.
+        frames: Bytes of each pair of FSoE frames, to the device and from it; empty if not yet
+            known.
         obstacle: Why it cannot be added, and the next step; empty if it can.
         source: Its description.
     """
@@ -77,8 +78,8 @@ def list_offers(found: Gathered, out: FindingList) -> tuple[Offer, ...]:
     """Return offers: SubDevices of buses in files, device types in files, the device library.
 
     Args:
-        found: Data of the files; empty: only the device library.
-        out: Takes findings of ESI files; an unreadable one gives no offers.
+        found: Data of the files; empty for the device library alone.
+        out: Takes findings of ESI files; an unreadable one has no offers.
     """
     library, _ = load_library()
     types: list[DeviceType] = []
@@ -88,7 +89,7 @@ def list_offers(found: Gathered, out: FindingList) -> tuple[Offer, ...]:
         out.diagnostics += mine.diagnostics
     types += list_types((), found.types, library, Collector())
     offers: list[Offer] = []
-    # A bus brings its SubDevices with positions; types have none.
+    # A bus contains its SubDevices with positions; types have none.
     if found.buses:
         bus, _, _ = Inputs(found, library, types).ring(Answers())
         for sub in () if bus is None else bus.subdevices:
@@ -115,7 +116,7 @@ def addition_of(offer: Offer) -> Addition:
     """Return the additions of an offer.
 
     Raises:
-        InputError: Its file cannot be read, or its device file cannot hold it.
+        InputError: Its file cannot be read, or a device file cannot represent it.
     """
     library, _ = load_library()
     if isinstance(offer.source, DeviceType):

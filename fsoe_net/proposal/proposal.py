@@ -1,8 +1,8 @@
 """A network proposed from the available files, with open points and questions.
 
-Pairs are settled by copies and connections in the files, then by answers, then by lengths if only
-one choice remains. The rest is proposed as unconfirmed, or not at all. No question is repeated: the
-caller adds an answer and proposes again.
+Pairs are determined by copies and connections in the files, then by answers, then by lengths if
+only one choice remains. The rest is proposed as unconfirmed, or not at all. No question is
+repeated: the caller adds an answer and creates a new proposal.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class Proposal:
         notes: Notes of the device library about its type, by number of the SubDevice.
         reasons: Source of each connection of ``bus``, first line first.
         open: Remaining tasks of a person, in words.
-        open_devices: Those of ``open`` about a single SubDevice, without its name.
+        open_devices: The items of ``open`` about a single SubDevice, without its name.
         questions: Open questions, in the order to ask them.
         findings: Invalid answers.
     """
@@ -132,7 +132,7 @@ class _Maker:
             if answer is not None:
                 filled = has_layout(fill.sub.device) and not has_layout(sub.device)
                 self._check_process_data(sub, answer, fill.wrong, filled=filled)
-            # Without identity the device cannot be checked at the start.
+            # Without an identity the device cannot be checked at the start.
             if not fill.sub.device.product_code:
                 what = "vendor and product are not known"
                 self._remarks[number].append(
@@ -197,7 +197,7 @@ class _Maker:
             who = ", ".join(n for n, _ in question.choices)
             self._open.append(f"MainInstance or SubInstance: {who}")
         self._links = link_moves(moves, ends, self._bus.path)
-        # The order is that of trust: copies, connections of files, answers, then lengths.
+        # In order of trust: copies, connections in files, answers, then lengths.
         problems, disputed = link_connections(
             self._connections(ends), ends, self._links, self._bus.path, self._out
         )
@@ -207,7 +207,7 @@ class _Maker:
         return self._made(ends, moves.rest)
 
     def _told(self, both: Sequence[tuple[PairEnd, PairEnd, object, object]]) -> dict[int, str]:
-        """Return the roles shown by connections, and ends connected to several others."""
+        """Return the roles implied by connections: an end connected to several others is a main."""
         known: dict[int, str] = {}
         for row in self._bus.connections:
             for number, role in ((row.main, "main"), (row.sub, "sub")):
@@ -253,7 +253,7 @@ class _Maker:
                 return
 
     def _connections(self, ends: list[FrameEnd]) -> list[DescribedConnection]:
-        """Return the connections of the files; where one names no MainInstance, the only one."""
+        """Return the connections of the files; if one names no MainInstance, use the only one."""
         mains = [e.number for e in ends if e.role == "main"]
         return [
             replace(c, main=mains[0]) if c.main is None and len(mains) == 1 else c
@@ -267,7 +267,7 @@ class _Maker:
         free: dict[str, list[PairEnd]] = {"main": [], "sub": [], "": []}  # by role
         for end in ends:
             free[end.role] += [p for p in end.pairs if p.key not in used]
-        # Undecided ends could still take part: nothing of their lengths is settled.
+        # Undecided ends could still take part, so nothing with their lengths is decided.
         doubtful = [*free[""], *(p for e in ends for p in e.doubtful), *disputed]
         pairing = pair_by_lengths(free["main"], free["sub"], doubtful)
         for main, sub in pairing.settled:
@@ -333,7 +333,7 @@ class _Maker:
         link = CopyLink(
             main=row.proposed,
             sub=sub,
-            # Written as unconfirmed: `check` refuses it until a person has compared it.
+            # Written as unconfirmed: `check` reports an error until a person has compared it.
             why=f"NOT CONFIRMED: {_bytes(sub)} fit {slots}",
             unconfirmed=f"lengths fit {slots}; compare with the safety project",
         )
@@ -359,7 +359,7 @@ class _Maker:
         unconnected: dict[int, tuple[str, ...]] = {}
         for link in links:
             main, sub = ends[link.main.subdevice], ends[link.sub.subdevice]
-            # Frames beyond what plans recognise need explicit copies.
+            # Frames that plans do not recognise need explicit copies.
             beyond = main.beyond or sub.beyond
             if beyond:
                 copies += _copies(link)

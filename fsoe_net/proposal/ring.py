@@ -1,6 +1,6 @@
-"""A ring from answers: device types of ESI, SII, slave YAML and the device library in order.
+"""A ring from answers: device types of ESI, SII, slave YAML and the device library, in order.
 
-If no file describes the bus, only a person can.
+It is used if no file describes the bus.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _MOST_NAMES = 2000
 class DeviceType:
     """One device type that can be on the ring.
 
-    ``sub`` is ``None`` for a device of an ESI, which is read when it is required.
+    ``sub`` is ``None`` for a device of an ESI, which is read on demand.
     """
 
     order: str
@@ -45,8 +45,8 @@ def list_types(
     Args:
         esis: ESI files, of any size.
         types: Descriptions of device types.
-        library: Devices that no file has to describe.
-        out: Takes what is wrong with the ESI files.
+        library: Devices that need no file.
+        out: Takes findings of the ESI files.
     """
     from fsoe_net.formats.esi.read import list_esi
 
@@ -117,12 +117,12 @@ def ring_of(
             findings of the ESI.
 
     Returns:
-        SubDevices with positions, ``None`` when a type is unknown.
+        SubDevices with positions, or ``None`` if a type is unknown.
     """
     subs: list[DescribedSubDevice] = []
     good, position = True, 0
     for row in answers:
-        # Positions only rise: anything else is a typing error in the answers.
+        # Positions only increase: anything else is a typing error in the answers.
         if row.position is not None and row.position < position:
             out.add(
                 "FSN156",
@@ -155,7 +155,7 @@ def _type_of(
     rows = _types_of(row, types, out)
     if not rows:
         return None
-    # A type with process data is worth more than a newer revision without.
+    # A type with process data is preferred to a newer revision without.
     newest = max(rows, key=_layout_then_revision)
     notes: tuple[str, ...] = ()
     if len({t.revision for t in rows}) > 1:
@@ -173,13 +173,13 @@ def _type_of(
 
 
 def _types_of(row: AnsweredDevice, types: Sequence[DeviceType], out: Collector) -> list[DeviceType]:
-    """Return the device types that an answer may mean; none, with FSN155, if unknown."""
+    """Return the device types that match an answer; none, with FSN155, if it is unknown."""
     wanted = row.type.casefold()
     same = [t for t in types if wanted in (t.order.casefold(), t.name.casefold())]
     if not same:
         _unknown_type(row, types, out)
         return []
-    # Files of the user come before the library.
+    # Files of the user have precedence over the library.
     files = [t for t in same if t.path != "device library"]
     if row.revision is None or not files:
         return files or same

@@ -1,4 +1,4 @@
-"""Which SubDevices take part in FSoE, with which frames, and at which end."""
+"""Determines which SubDevices take part in FSoE, with which frames, and at which end."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ class FrameEnd:
         name: Name of the SubDevice.
         pairs: Its accepted pairs of frames.
         doubtful: Pairs that may be frames; not yet answered.
-        beyond: Whether it has an accepted frame that plans do not recognise: its copies must be
-            written out.
+        beyond: Whether it has an accepted frame that plans do not recognise, so that its copies
+            must be written explicitly.
         role: ``main``, ``sub`` or empty.
         remarks: Remarks for readers of the network.
         unconnected: Why its frames are not connected.
@@ -51,7 +51,7 @@ class FrameEnd:
         return not self.pairs and not self.doubtful
 
     def accept(self, moved: set[tuple[int, int]]) -> None:
-        """Take doubtful pairs that files copy in both directions: that is an answer.
+        """Accept doubtful pairs that files copy in both directions, which confirms them.
 
         Args:
             moved: Their keys.
@@ -69,12 +69,12 @@ class FrameEnd:
 def find_ends(
     subdevices: Sequence[DescribedSubDevice], names: Sequence[str], answers: Answers
 ) -> list[FrameEnd]:
-    """Find the frames of each SubDevice; sure ones are taken, likely ones as answered.
+    """Find the frames of each SubDevice; certain ones are accepted, probable ones as answered.
 
     Args:
         subdevices: In ring order.
         names: Their names.
-        answers: Say yes or no to likely frames.
+        answers: Answers, which accept or reject probable frames.
     """
     devices = same_devices(sub.device for sub in subdevices)
     known: dict[int, list[FsoeGuess]] = {}  # by device
@@ -99,7 +99,7 @@ def _take(
     layout = sub.device.layout
     likely = {g.block.key: g for g in guesses if not g.sure}
     answer = _answer(answers, end.name)
-    # Frames that only an answer confirms may lie where plans do not look for any.
+    # Frames that only an answer confirms may be at places where plans do not search.
     end.beyond = bool(answer) and not likely.keys() <= _regular(layout)
     pairs = _all_pairs(guesses, end.number) if end.beyond else pair_ends(layout, end.number)
     unsure = [p for p in pairs if p.written.key in likely or p.read.key in likely]
@@ -120,7 +120,7 @@ def _take(
 
 
 def _answer(answers: Answers, name: str) -> bool | None:
-    """Return the answer whether a SubDevice's likely frames are frames; ``None``: unanswered."""
+    """Return the answer whether probable frames are frames; ``None`` if unanswered."""
     word = answers.frames.get(name)
     return None if word is None else word.text.casefold() not in ("no", "n", "false")
 
@@ -130,7 +130,7 @@ def _regular(layout: DeviceLayout) -> set[tuple[int, int]]:
 
 
 def _remark(end: FrameEnd, layout: DeviceLayout) -> None:
-    """Name probable frames that are not used."""
+    """Add a remark about probable frames that are not used."""
     if not end.beyond:
         end.remarks += [
             f"FSoE frame that none in the other direction belongs to, not used: {where_is(b)}"
@@ -188,13 +188,13 @@ def give_roles(
     answers: Answers,
     stated: dict[int, str],
 ) -> Question | None:
-    """Give each end its role, and return the question about undecided ends.
+    """Assign each end its role, and return the question about undecided ends.
 
     Args:
-        ends: Take their role.
+        ends: Receive their roles.
         subdevices: The SubDevices.
-        library: Knows MainInstances.
-        answers: Name them.
+        library: Identifies MainInstances.
+        answers: Answers, which name the MainInstances.
         stated: Roles that connections of the files state, by number of the SubDevice.
     """
     if answers.main is not None:
@@ -210,7 +210,7 @@ def give_roles(
     open_ends = [e for e in ends if not e.role and not e.is_bare]
     if not open_ends:
         return None
-    # A single undecided end that SubInstances fit can only be the MainInstance.
+    # A single undecided end with matching SubInstances can only be the MainInstance.
     if len(open_ends) == 1 and _only_choice(open_ends[0], ends):
         open_ends[0].role = "main"
         open_ends[0].remarks.append(
@@ -233,7 +233,7 @@ def _which_is_main(ends: Sequence[FrameEnd], span: Span) -> Question:
 
 
 def _only_choice(end: FrameEnd, ends: Sequence[FrameEnd]) -> bool:
-    """Whether an end must be the MainInstance: it is the only one, and a SubInstance fits it."""
+    """Whether an end must be the MainInstance: it is the only one, and a SubInstance matches it."""
     subs = [p for e in ends if e.role == "sub" for p in e.pairs]
     none = not any(e.role == "main" for e in ends)
     return none and any(p.fits(s) for p in end.pairs for s in subs)

@@ -1,4 +1,4 @@
-"""Connections of a safety project, which names devices without a place, matched to a ring."""
+"""Matches connections of a safety project, whose devices have no position, to a ring."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ class MatchedProject:
     """Facts of a safety project about the SubDevices of a ring.
 
     Attributes:
-        connections: Those whose SubInstance is certain; the MainInstance may be open.
-        hints: Those with several candidate SubDevices, with their numbers, in words.
-        lost: Those without any SubDevice, in words.
+        connections: Connections with a certain SubInstance; the MainInstance may be open.
+        hints: Connections with several candidate SubDevices, with their numbers, in words.
+        lost: Connections without any SubDevice, in words.
     """
 
     connections: tuple[DescribedConnection, ...]
@@ -31,7 +31,7 @@ class MatchedProject:
 
 
 def projects_of(bus: Description) -> list[Description]:
-    """Return the connections of a bus as safety projects: one for each logic, which comes first."""
+    """Return the connections of a bus as safety projects, one per logic, which comes first."""
     projects = []
     for main in dict.fromkeys(c.main for c in bus.connections if c.main is not None):
         rows = [c for c in bus.connections if c.main == main and c.sub is not None]
@@ -55,10 +55,10 @@ def match_project(
     library: Library,
     connections: Sequence[DescribedConnection] = (),
 ) -> MatchedProject:
-    """Match by name; else by order number where the ring and the project have one of it.
+    """Match by name, or else by order number if ring and project have exactly one of it.
 
-    Equal devices are distinguished by slots, where a file of the ring and the project have the same
-    kind of device in each slot of the one logic.
+    Equal devices are distinguished by slots, if a file of the ring and the project have the same
+    type of device in each slot of the only logic.
 
     Args:
         subdevices: The ring.
@@ -74,13 +74,13 @@ def match_project(
     for row in project.connections:
         wanted = project.subdevices[row.sub or row.main or 0]
         found = names.get(wanted.name, [])
-        # Names differ between tools; slots of the one logic decide then.
+        # Names differ between tools; then the slots of the only logic decide.
         if len(found) != 1 and row.main == 0 and row.slot in by_slot:
             found = [by_slot[row.slot]]
         is_sure = len(found) == 1
         if not is_sure:
             found = _with_order(wanted, orders)
-            # One of its type on the ring and in the project: no other choice is left.
+            # The only one of its type on the ring and in the project.
             is_sure = len(found) == 1 and rivals[wanted.order] == 1
         text = _text(row, wanted, project.path)
         if is_sure and row.main == 0:
@@ -108,7 +108,7 @@ def _with_order(wanted: DescribedSubDevice, orders: Sequence[set[str]]) -> list[
 def _by_slot(
     project: Description, orders: Sequence[set[str]], connections: Sequence[DescribedConnection]
 ) -> dict[int, int]:
-    """Return the SubDevice in each slot if the project matches all of them; else none."""
+    """Return the SubDevice in each slot if the project matches all of them, otherwise none."""
     known = [c for c in connections if c.main is not None]
     here = {c.slot: c.sub for c in known if c.slot is not None and c.sub is not None}
     there = {
@@ -116,7 +116,7 @@ def _by_slot(
         for c in project.connections
         if c.main == 0 and c.sub is not None and c.slot is not None
     }
-    # One slot that differs makes all of them doubtful.
+    # A single differing slot makes all of them doubtful.
     if len({c.main for c in known}) != 1 or here.keys() != there.keys():
         return {}
     return here if all(there[slot] in orders[sub] for slot, sub in here.items()) else {}
