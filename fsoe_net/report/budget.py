@@ -28,7 +28,7 @@ from fsoe_net.timing.watchdogs import Limit, WatchdogBudget
 
 _WIDTH, _HEIGHT, _LEFT, _RIGHT, _TOP, _BOTTOM = 760, 250, 64, 210, 30, 44
 _CYCLES = (0.1, 0.2, 0.25, 0.5, 1.0, 2.0, 4.0, 5.0, 8.0, 10.0)
-# Of each curve its dashes, its colour and its mark, so that none of them is needed alone.
+# Dashes, colour and mark of each curve, so that none of them is needed alone.
 _LOOKS = {
     "error-free": ("", "#116329", "M-4,0a4,4 0 1,0 8,0a4,4 0 1,0 -8,0z"),
     "ETG.5100, one failure": ("7 4", "#0550ae", "M-4,-4h8v8h-8z"),
@@ -36,7 +36,7 @@ _LOOKS = {
     "FSoE handshake, one late": ("10 3 2 3 2 3", "#6639ba", "M0,-5l5,5l-5,5l-5,-5z"),
     "required": ("12 3 2 3", "#99286e", "M-4,-4l8,8m0,-8l-8,8"),
 }
-_LABEL = 15  # height of a label, so that two never touch
+_LABEL = 15  # height of a label, so that labels do not touch
 _STYLE = (
     ".budget text{font:12px system-ui,sans-serif;fill:#1f2328}"
     ".budget .small{font-size:11px;fill:#57606a}"
@@ -115,7 +115,7 @@ def _assumptions(budget: Budget) -> str:
     cycle = "bus cycle not stated" if budget.cycle is None else f"bus cycle {budget.cycle:g} ms"
     drift = f"clocks of devices up to {budget.drift:.2%} slow" if budget.drift else "clocks exact"
     if budget.buses:
-        # Each bus has a cycle of its own; all are named, so that a reader can check the sum.
+        # Each bus has its own cycle; all are listed, so that a reader can check the sum.
         cycle = "bus cycle " + ", ".join(f"{ms:g} ms ({name})" for name, ms in budget.buses)
     across = ", one more of each bus that takes a frame over" if budget.buses else ""
     return f"{cycle}, {counted(budget.copy_cycles, 'bus cycle')} per direction{across}, {drift}"
@@ -140,7 +140,7 @@ def _function(row: FunctionBudget) -> Section:
         parts.append(Table(name="times", columns=_TIMES, rows=times))
     required = f.required_reaction_ms
     parts.append(words(f"required {_ms(required)}: {row.verdict}" if required else row.verdict))
-    # The claim of FSoE is 1 % of SIL 3 and is charged once, whatever the number of connections.
+    # The share of FSoE is 1 % of SIL 3 and counts once, whatever the number of connections.
     limit = "" if row.pfh.limit is None else f" of {row.pfh.limit:.0e} 1/h"
     fsoe = f", {row.pfh.fsoe:.2e} of it for FSoE" if row.pfh.fsoe else ""
     parts.append(words(f"PFH {row.pfh.total:.2e} 1/h{limit}{fsoe}: {row.pfh.verdict}"))
@@ -173,12 +173,12 @@ def _ms(value: float | None) -> str:
 
 
 def _up(value: float | None) -> str:
-    """Print a time, or a least value: 49.94 ms as 50.0 ms."""
+    """Format a time or a minimum, rounded up: 49.94 ms as 50.0 ms."""
     return _ms(None if value is None else outward(value, 1, up=True))
 
 
 def _down(value: float | None) -> str:
-    """Print a greatest value: 49.96 ms as 49.9 ms."""
+    """Format a maximum, rounded down: 49.96 ms as 49.9 ms."""
     return _ms(None if value is None else outward(value, 1, up=False))
 
 
@@ -287,7 +287,7 @@ def _case_json(case: ResponseCase) -> dict[str, Any]:
 
 def _function_json(row: FunctionBudget) -> dict[str, Any]:
     f, r = row.function, row.reaction
-    # Without all times there is no sum; `missing` then names what is not stated.
+    # Without all times there is no sum; `missing` then names the missing ones.
     reaction = None
     if r is not None:
         reaction = {
@@ -342,7 +342,7 @@ class _Curve:
 def budget_picture(budget: Budget, title: str) -> str:
     """Draw reaction times of each judged function over the bus cycle and over its watchdogs.
 
-    Curves differ in colour, dashes and marks, and carry their names: no colour is needed.
+    Curves differ in colour, dashes and marks and have labels, so no colour is needed.
     """
     return _svg([p for row in budget.functions for _, p in _panels(budget, row)], title)
 
@@ -359,7 +359,7 @@ def _panels(budget: Budget, row: FunctionBudget) -> list[tuple[str, str]]:
     over = "over the bus cycle, ms"
     if budget.buses:
         over = f"over the bus cycle of {budget.buses[0][0]}, ms, all buses in proportion"
-    # Other bus cycles scale the parts that follow the bus, not the times of devices.
+    # Other bus cycles scale the parts that depend on the bus, not the times of devices.
     scaled = {c: times.with_ways(partial(SignalWay.scaled, factor=c / cycle)) for c in _CYCLES}
     found = [(over, _curves(row, scaled), cycle)]
     watchdog = max(r.watchdog_in or 0.0, r.watchdog_out or 0.0)
@@ -399,7 +399,7 @@ def _svg(panels: Sequence[str], title: str, head: int = 34) -> str:
 
 
 def _curves(row: FunctionBudget, times: Mapping[float, PartTimes]) -> list[_Curve]:
-    """Return the response times of a function with other times, at the place of each."""
+    """Return the response times of a function for other times, with their positions."""
     found = [(x, reaction_of(t)) for x, t in times.items()]
     curves = [
         _Curve("error-free", tuple((x, r.error_free) for x, r in found)),
@@ -451,11 +451,11 @@ def _panel(title: str, curves: Sequence[_Curve], *, here: float) -> str:
         f'<line class="axis" x1="{_LEFT}" y1="{_TOP + tall}" x2="{_LEFT + wide}" '
         f'y2="{_TOP + tall}"/>'
     )
-    # From the top down, so that labels that would overlap move in one direction.
+    # From top to bottom, so that overlapping labels move in one direction.
     ends = sorted(curves, key=lambda c: -c.points[-1][1])
     places = _apart([at(0, c.points[-1][1])[1] for c in ends], _TOP + tall)
     for curve, label_y in zip(ends, places, strict=True):
-        # Dash and mark as well as colour: a printed page is black and white.
+        # Dash and mark in addition to colour: a printed page may be black and white.
         dash, colour, mark = _LOOKS[curve.name]
         spots = [at(x, y) for x, y in curve.points]
         line = " ".join(f"{x:.1f},{y:.1f}" for x, y in spots)
@@ -481,7 +481,7 @@ def _panel(title: str, curves: Sequence[_Curve], *, here: float) -> str:
 
 
 def _apart(wanted: Sequence[float], bottom: float) -> list[float]:
-    """Return places of labels from top to bottom, near those wanted and not touching."""
+    """Return label positions from top to bottom, close to the wanted ones without touching."""
     found: list[float] = []
     for y in wanted:
         found.append(max(y, found[-1] + _LABEL) if found else y)

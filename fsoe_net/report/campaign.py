@@ -137,11 +137,11 @@ def _cells(row: ClassResult) -> list[str]:
     interval = row.interval
     mean = _mean_ms(row)
     plausible = "-"
-    # Where the chance of a collision is not known, no interval is shown.
+    # If the probability of a collision is unknown, no interval is shown.
     if interval is not None:
         plausible = str(interval[0]) if interval[0] == interval[1] else "{}..{}".format(*interval)
     collisions = str(row.collisions)
-    # Only faults that nothing but the CRC detects count for the comparison with its probability.
+    # Only faults that nothing but the CRC can detect are compared with its probability.
     if interval is not None and row.collisions != row.exposed_collisions:
         collisions += f" ({row.exposed_collisions} of them counted)"
     return [
@@ -217,7 +217,7 @@ def _notes(result: CampaignResult) -> list[str]:
         "refused in the call that reads it.",
     ]
     for row in result.classes:
-        # The exhaustive class does not depend on the number of cycles; a reader would otherwise
+        # The exhaustive class does not depend on the number of cycles; otherwise a reader might
         # doubt it.
         if row.name == EXHAUSTIVE:
             distance = min(
@@ -266,7 +266,7 @@ def _verdict(result: CampaignResult) -> Verdict:
         )
         if count
     ]
-    # More tolerated faults than the class allows means that an end overlooks something.
+    # More tolerated faults than the class allows mean that an end misses errors.
     if any(row.tolerated > row.most_tolerated for row in rows):
         parts.append("more tolerated than the catalogue allows")
     # Too few collisions are as suspicious as too many: the injection may miss its target.

@@ -1,4 +1,4 @@
-"""Makes the report from its sections, with findings and open points first."""
+"""Assembles the report from its sections, with findings and open points first."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ from fsoe_net.report.section_timing import timing
 _ROWS_ON_FIRST_PAGE = 14
 _Make = Callable[[ReportInputs], ReportSection]
 _MAIN: tuple[_Make, ...] = (causes_and_effects, architecture, role, change_log, sign_off)
-"""After the pages of the safety functions; open points, which gathers from all, follows them."""
+"""Sections after the pages of the safety functions; open points, from all of them, follow."""
 _APPENDICES: tuple[_Make, ...] = (
     identity,
     tests,
@@ -58,17 +58,17 @@ _APPENDICES: tuple[_Make, ...] = (
 
 
 def compose_report(inputs: ReportInputs) -> ReportDocument:
-    """Make the report of a network; a pure function, so equal inputs give equal documents."""
+    """Create the report of a network; a pure function, so equal inputs give equal documents."""
     main = [*function_pages(inputs), *(section(inputs) for section in _MAIN)]
     appendices = [replace(s(inputs), appendix=True, page=n == 0) for n, s in enumerate(_APPENDICES)]
     sections = [*main, *appendices]
-    # Points of sections before findings: an open point is what a person has to settle.
+    # Points of sections before findings: an open point is a decision for a person.
     of_sections = tuple((s.title, p) for s in sections for p in s.points)
     of_findings = [_point(inputs, d) for d in inputs.diagnostics if d.level is not Severity.INFO]
     points = (*of_sections, *(("Findings", p) for p in of_findings))
     last = len(main) + 1
     network = None if inputs.resolution is None else inputs.resolution.network
-    # Verdicts against the network follow from its errors; a second list would repeat them.
+    # Verdicts against the network follow from its errors; a second list would repeat these.
     against = () if _has_error(inputs) else _against(sections)
     verdict = _verdict(inputs, len(against))
     return ReportDocument(
@@ -107,7 +107,7 @@ def _point(inputs: ReportInputs, found: Diagnostic) -> Point:
 
 def _against(sections: Sequence[ReportSection]) -> tuple[tuple[str, Verdict], ...]:
     """Return the objections to the network, each with the title of its section."""
-    # A verdict can be on several pages: it is one objection, named by the first page.
+    # A verdict can be on several pages: it is one objection, reported for the first page.
     found: dict[Verdict, str] = {}
     for section in sections:
         for item in chain.from_iterable(map(_items, section.parts)):
@@ -129,8 +129,8 @@ def _items(part: Part) -> Iterator[Item]:
 def _verdict(inputs: ReportInputs, against: int) -> Verdict:
     """Describe the known facts about the machine, the signatures and the files.
 
-    Files with an error are judged by it alone; that nothing was found in them is said only where
-    the machine was tried and signed for.
+    Files with an error are judged by it alone. The absence of findings is mentioned only if the
+    machine was tested and signed off.
     """
     files = _of_findings(inputs)
     if files.level is Level.ERROR:
@@ -140,8 +140,8 @@ def _verdict(inputs: ReportInputs, against: int) -> Verdict:
     # "Done" needs both: tests without signatures, or signatures without tests, prove nothing.
     is_done = machine.level is Level.CLEAR and is_signed
     words = f"machine: {machine.word} · {signed}"
-    # Files without findings are mentioned only after the machine was tried: else it reads as a
-    # pass.
+    # The absence of findings is mentioned only after the test of the machine: otherwise it reads
+    # like a pass.
     if is_done or files.level is Level.WARNING:
         words += f" · files: {files.word}"
     if against:
@@ -159,19 +159,19 @@ def _machine(inputs: ReportInputs) -> Verdict:
     steps = () if tried is None or not tried.fits else tried.test_record.machine_steps
     done = [s for s in steps if s.machine.outcome is not None]
     failed = sum(s.is_failed for s in done)
-    # An untouched record is not a failed one.
+    # An empty record is not a failed one.
     if not done:
         return Verdict("NOT TESTED", Level.OPEN)
     if failed:
         return Verdict(f"{failed} of {counted(len(steps), 'test step')} FAILED", Level.ERROR)
-    # A step that a program disputes is not settled, even if a person has ticked it.
+    # A step that a program disputes stays open, even if a person has confirmed it.
     is_whole = not any(s.is_open or s.is_disputed for s in steps)
     word = f"{len(done)} of {counted(len(steps), 'test step')} as expected"
     return Verdict(word, Level.CLEAR if is_whole else Level.OPEN)
 
 
 def _signed(inputs: ReportInputs) -> tuple[str, bool]:
-    """Return who signed this configuration off, if anyone."""
+    """Return the persons who signed off this configuration, and an objection if there is one."""
     given = inputs.accepted
     if given is None:
         return "not signed", False
@@ -192,7 +192,7 @@ def _of_findings(inputs: ReportInputs) -> Verdict:
         return Verdict(f"NOT ACCEPTABLE: {counts}", Level.ERROR)
     if worst is Severity.WARNING:
         warnings = [d for d in found if d.level is Severity.WARNING]
-        # A warning that is justified by name is settled; it stays visible as a warning.
+        # A warning that is justified by name is settled, but stays visible as a warning.
         if all(inputs.justification(d) is not None for d in warnings):
             return Verdict(f"{counts}; each warning justified by name", Level.WARNING)
         needed = f"{counts}: each needs a correction or a justification by name"
@@ -212,7 +212,7 @@ def _lead(
         rows: list[tuple[Item, ...]] = [
             (Text(f"{title}: "), verdict) for title, verdict in against[:_ROWS_ON_FIRST_PAGE]
         ]
-        # The first page must stay one page; the blocks list all.
+        # The first page must fit on one printed page; the later blocks list all items.
         if len(against) > _ROWS_ON_FIRST_PAGE:
             rows.append((Text(f"and {len(against) - _ROWS_ON_FIRST_PAGE} more in the blocks"),))
         parts += [Heading("Against it"), Bullets(tuple(rows))]
@@ -239,10 +239,10 @@ def _lead(
 
 
 def _findings(found: Sequence[Diagnostic], inputs: ReportInputs, last: int) -> Table:
-    """All findings; if there are many, one row per code, so that they fit on one page."""
+    """Return all findings; if there are many, one row per code, so that they fit on one page."""
     per_code = Counter(d.code for d in found)
     shown: list[tuple[Diagnostic, int]] = [(d, 1) for d in found]
-    # Hundreds of findings often share one code: one row for each code fits on the page.
+    # Hundreds of findings often share one code: with one row per code they fit on the page.
     if len(found) > _ROWS_ON_FIRST_PAGE:
         firsts: dict[str, Diagnostic] = {}
         for d in found:

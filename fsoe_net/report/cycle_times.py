@@ -35,10 +35,10 @@ def _histograms(statistics: Statistics) -> list[tuple[str, Histogram]]:
 
 
 def timing_csv(statistics: Statistics) -> str:
-    """Return a row for every bucket that is not empty.
+    """Return a row for every non-empty bucket.
 
     Columns: ``histogram``, ``floor_ns`` (smallest time of the bucket), ``count``,
-    ``cumulative_share`` (of all times, those in this bucket or below).
+    ``cumulative_share`` (share of all times in this bucket or below).
     """
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
@@ -53,12 +53,12 @@ def timing_csv(statistics: Statistics) -> str:
 
 
 def times_table(statistics: Statistics) -> Table:
-    """Return percentiles, a row per histogram that has any time."""
+    """Return percentiles, a row per non-empty histogram."""
     return percentiles_table(_histograms(statistics))
 
 
 def percentiles_table(histograms: Iterable[tuple[str, Histogram]]) -> Table:
-    """Return percentiles of histograms, a row for each that has any time."""
+    """Return percentiles of histograms, a row for each non-empty one."""
     rows = []
     for name, h in histograms:
         if h.count:
@@ -83,9 +83,9 @@ def _us(ns: int) -> str:
 
 
 def timing_bars(histogram: Histogram, *, width: int = 40) -> list[str]:
-    """Return lines of bars, one per factor of two in time; lengths grow with the logarithm.
+    """Return lines of bars, one per factor of two in time, with logarithmic lengths.
 
-    A single late cycle among millions has to be seen, so the shortest bar is one eighth.
+    A single late cycle among millions must be visible, so the shortest bar is one eighth.
     """
     octaves: dict[int, int] = {}
     for floor_ns, count in histogram.buckets:
@@ -112,7 +112,7 @@ def _time_text(ns: int) -> str:
 
 
 def timing_picture(statistics: Statistics, title: str) -> str:
-    """Draw the histograms that are not empty over logarithmic time; light and dark, no script."""
+    """Draw the non-empty histograms over logarithmic time; light and dark, no script."""
     shown = [(name, h) for name, h in _histograms(statistics) if h.buckets]
     height = 44 + _PANEL * max(1, len(shown))
     parts = [
@@ -134,7 +134,7 @@ def histogram_name(key: str) -> str:
 
 
 def histogram_picture(key: str, histogram: Histogram) -> str:
-    """Draw one histogram for a page; its style is that of `timing_picture`."""
+    """Draw one histogram for a page, in the style of `timing_picture`."""
     height = _PANEL - 8
     return (
         f'<svg viewBox="0 0 {_WIDTH} {height}" role="img" class="timing"><style>{_STYLE}</style>'
@@ -143,7 +143,7 @@ def histogram_picture(key: str, histogram: Histogram) -> str:
 
 
 class _Axis:
-    """Logarithmic time to places in the picture, whole decades."""
+    """Maps logarithmic time to positions in the picture, in whole decades."""
 
     def __init__(self, least_ns: int, most_ns: int) -> None:
         self.first = math.floor(math.log10(max(1, least_ns)))
@@ -180,13 +180,13 @@ def _panel(name: str, histogram: Histogram, top: float) -> str:
             f'height="{tall:.1f}"><title>{_time(floor_ns)} … {_time(end_ns)}: '
             f"{count} of {histogram.count}</title></rect>"
         )
-    # The percentiles are drawn over the bars: they are what a limit is compared with.
+    # Percentiles are drawn over the bars, because limits are compared with them.
     for ns in (histogram.p50_ns, histogram.p99_ns, histogram.p999_ns):
         x = axis.x(ns)
         parts.append(f'<line class="mark" x1="{x:.1f}" y1="{top + 22}" x2="{x:.1f}" y2="{base}"/>')
     for decade in range(axis.first, axis.last + 1):
         x = axis.x(10.0**decade)
-        # At the borders the text would run out of the picture.
+        # At the borders the text would extend beyond the picture.
         anchor = "start" if decade == axis.first else "end" if decade == axis.last else "middle"
         parts.append(svg_text(x, base + 14, _time(10**decade), anchor, "small"))
     return "<g>" + "".join(parts) + "</g>"

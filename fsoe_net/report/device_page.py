@@ -1,4 +1,4 @@
-"""A device of the library as text, and as a JSON document."""
+"""A device of the library as text and as a JSON document."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def _sizes(mapping: LibraryMapping) -> str:
 
 
 def device_text(device: LibraryDevice) -> list[str]:
-    """Return all that is known about a device, as lines."""
+    """Return all known facts about a device as lines."""
     lines = [f"{device.name}: {device.about}", ""]
     lines += [
         f"{i.order}: vendor 0x{i.vendor_id:08x}, product 0x{i.product_code:08x}"
@@ -56,7 +56,7 @@ def device_text(device: LibraryDevice) -> list[str]:
     ]
     for mapping in device.mappings:
         lines += ["", *_mapping(device, mapping)]
-    # The layout of such a device depends on its safety project, so that the library has none.
+    # The layout of such a device depends on its safety project, so the library has none.
     if not device.mappings:
         lines += ["", f"Process data ({_side(device.role)}): made by its safety project"]
         lines += [f"  source: {text}" for text in device.sources.values()]
@@ -110,7 +110,7 @@ def _address(index: int, subindex: int) -> str:
 
 
 def device_json(device: LibraryDevice) -> dict[str, object]:
-    """Return the same as the stable JSON document (``docs/reference/json-output.md``)."""
+    """Return the device as the stable JSON document (``docs/reference/json-output.md``)."""
     return {
         "name": device.name,
         "about": device.about,

@@ -60,13 +60,13 @@ class RunEvidence:
 
     @property
     def emulated(self) -> bool:
-        """Whether it is without evidence about a machine."""
+        """Whether it contains no evidence about a machine."""
         return self.backend == "emulated"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evidence:
-    """One file; one of the three is not ``None``."""
+    """One file; exactly one of the three is not ``None``."""
 
     source: SourceFile
     scan: Scan | None = None
@@ -88,13 +88,13 @@ def read_evidence(path: str) -> Evidence:
     """Read a file about the machine; its type is recognised by content.
 
     Raises:
-        InputError: It cannot be read, is not one of them, or is damaged.
+        InputError: The file cannot be read, has another type, or is damaged.
     """
     with open_file(path) as stream:
         data = stream.read()
     source = SourceFile(path=path, sha256=hashlib.sha256(data).hexdigest())
     document = _document(data)
-    # A result of a run also has `subdevices`; only a result of a run names a plan.
+    # Results of runs also have `subdevices`, but only they name a plan.
     if document is None or ("subdevices" in document and "plan_sha256" not in document):
         if document is not None and "interface" in document:
             scan, found = parse_scan(data, path)
@@ -107,7 +107,7 @@ def read_evidence(path: str) -> Evidence:
             return Evidence(source=source, run=_run(document))
         except (KeyError, TypeError, ValueError, AttributeError) as exc:
             raise InputError(f"{path} is not a complete result of a run: {exc}; {_NEXT}") from exc
-    from fsoe_net.incident.incident_read import IncidentReader  # most reports need none of it
+    from fsoe_net.incident.incident_read import IncidentReader  # most reports do not need it
 
     try:
         return Evidence(source=source, incident=IncidentReader(path, io.BytesIO(data)).head)
@@ -136,7 +136,7 @@ def _run(document: Mapping[str, Any]) -> RunEvidence:
         wkc_errors=int(statistics["wkc_errors"]),
         period=_period(statistics.get("period") or {}),
         rows=tuple(
-            # A file is written by any version: each field is checked by its conversion.
+            # Files can be written by any version: the conversion of each field checks it.
             RunRow(
                 name=str(c["name"]),
                 state=ConnectionState(c["state"]),
@@ -147,7 +147,7 @@ def _run(document: Mapping[str, Any]) -> RunEvidence:
                 reset_text=str(c["last_reset_text"]),
                 configured=_parameters(c.get("configured")),
                 observed=_parameters(c.get("observed")),
-                # Only names that are known: text of a file must not reach the report as a fact.
+                # Only known names: text from a file must not appear in the report as a fact.
                 differs=tuple(n for n in STATED_PARAMETERS if n in (c.get("differs") or ())),
             )
             for c in document["connections"]
@@ -156,10 +156,10 @@ def _run(document: Mapping[str, Any]) -> RunEvidence:
 
 
 def _parameters(row: Mapping[str, Any] | None) -> FsoeParameters:
-    """Return parameters; a run before they were observed has none.
+    """Return parameters; a run from before they were observed has none.
 
     Raises:
-        AttributeError, TypeError, ValueError: They are not whole numbers.
+        AttributeError, TypeError, ValueError: They are not integers.
     """
     values = {f.name: (row or {}).get(f.name) for f in fields(FsoeParameters)}
     return FsoeParameters(**{k: None if v is None else int(v) for k, v in values.items()})
@@ -175,14 +175,14 @@ def _period(row: Mapping[str, Any]) -> Histogram | None:
         return None
     keys = [f.name for f in fields(Histogram) if f.name not in ("sum_ns", "buckets")]
     values = {key: int(row[key]) for key in keys}
-    values["sum_ns"] = int(row["mean_ns"]) * values["count"]  # a run states the mean alone
+    values["sum_ns"] = int(row["mean_ns"]) * values["count"]  # a run states only the mean
     buckets = tuple((int(floor), int(times)) for floor, times in row["buckets"])
     floors = [floor for floor, _ in buckets]
     # A damaged histogram would give percentiles that were not measured.
     if floors != sorted(set(floors)) or sum(times for _, times in buckets) != values["count"]:
         raise ValueError("buckets of the bus cycle do not rise or are not all there")
     period = Histogram(**values, buckets=buckets)
-    # The percentile is counted again from the buckets: both must be of one resolution.
+    # The percentile is calculated again from the buckets: both must have the same resolution.
     if period.at_most(500_000) != period.p50_ns:
         raise ValueError("an earlier version counted its times in wider buckets: run it again")
     return period
@@ -192,8 +192,8 @@ def measured_ms(value: Any) -> float | None:
     """Return a time of a document, ms; ``None`` if not measured.
 
     Raises:
-        TypeError, ValueError: It is not a number. NaN above all: every comparison with it
-            would pass.
+        TypeError, ValueError: The value is not a number. NaN in particular must be rejected,
+        because every comparison with it would pass.
     """
     ms = None if value is None else float(value)
     if ms is not None and not 0 <= ms < math.inf:
@@ -205,7 +205,7 @@ def ask_live(socket: str) -> LiveEvidence:
     """Query a running ``fsn-master`` once; the bus is not written.
 
     Raises:
-        EnvironmentFault: Nobody answers, or the bus is stopped.
+        EnvironmentFault: No process answers, or the bus is stopped.
     """
     from fsoe_net.live.client import Client
 
@@ -218,19 +218,19 @@ def ask_live(socket: str) -> LiveEvidence:
 def longest_round_trips(
     evidence: tuple[Evidence, ...], live: LiveEvidence | None
 ) -> dict[str, float]:
-    """Return the longest FSoE cycle of each connection that was seen on a real bus, ms."""
+    """Return the longest FSoE cycle in ms of each connection that was observed on a real bus."""
     longest: dict[str, float] = {}
 
     def seen(name: str, ms: float | None) -> None:
-        # Zero means that no frame was seen, and is not a time.
+        # Zero means that no frame was observed, and is not a time.
         if ms:
             longest[name] = max(ms, longest.get(name, 0.0))
 
-    # Emulated runs say nothing about the machine.
+    # Emulated runs prove nothing about the machine.
     for run in (e.run for e in evidence if e.run is not None and not e.run.emulated):
         for row in run.rows:
             seen(row.name, row.cycle_max)
-    # The same holds for a running bus that is emulated.
+    # The same applies to a running bus that is emulated.
     if live is not None and live.status.backend != "emulated":
         for name, c in zip(live.names, live.snapshot.cycle.connections, strict=False):
             seen(name, max(c.to_sub.interval_max_ns, c.to_main.interval_max_ns) / 1e6)

@@ -1,4 +1,4 @@
-"""First page: the accepted configuration and signatories, safety functions, and objections."""
+"""First page: the accepted configuration and its signers, safety functions, and objections."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _SOURCE = "network file"
 
 
 def first_page(inputs: ReportInputs, files: Verdict, machine: Verdict) -> list[Part]:
-    """Return the accepted configuration with its signatories, and a row per safety function.
+    """Return the accepted configuration with its signers, and a row per safety function.
 
     Args:
         inputs: Inputs of the report.
@@ -121,7 +121,7 @@ def _function(number: int, row: FunctionBudget, inputs: ReportInputs) -> tuple[C
     levels = level_words(f)
     against: Cell = tuple(_against(row))
     tested = function_test(row, inputs)
-    # "Nothing found" only after the test at the machine: before that, nothing was tried.
+    # "Nothing found" only after the test at the machine: before that, nothing was tested.
     if not against and tested.level is Level.CLEAR:
         against = (muted("nothing found"),)
     longest = None if reaction is None else reaction.decides.ms
@@ -137,7 +137,7 @@ def _function(number: int, row: FunctionBudget, inputs: ReportInputs) -> tuple[C
 
 
 def _against(row: FunctionBudget) -> Iterator[Verdict]:
-    # Each of time, level and PFH is judged by itself; one good value does not outweigh another.
+    # Time, level and PFH are judged separately; one good value does not outweigh another.
     if row.judgement is Judgement.ABOVE:
         yield Verdict("takes longer than required", Level.ERROR)
     elif row.judgement in _OPEN:

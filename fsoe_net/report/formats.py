@@ -37,7 +37,7 @@ FORMATS: Mapping[str, Callable[[ReportDocument], str]] = {
     "md": document_markdown,
     "json": _json,
 }
-"""Writers of text by the suffix of the file, without its dot; PDF is not text."""
+"""Text writers by the suffix of the file, without its dot; PDF is not text."""
 
 
 def render_report(inputs: ReportInputs, form: str = "html") -> str:

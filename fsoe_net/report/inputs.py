@@ -1,4 +1,4 @@
-"""What a report is made from."""
+"""Inputs of a report."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Against:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GivenPlan:
-    """A plan file that shall be the plan of this network."""
+    """A plan file that must match this network."""
 
     source: SourceFile
     plan: Plan
@@ -49,7 +49,7 @@ class GivenPlan:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GivenRecord:
-    """An acceptance record, and whether it is of this very configuration."""
+    """An acceptance record, and whether it is for this exact configuration."""
 
     source: SourceFile
     record: Acceptance
@@ -64,7 +64,7 @@ class GivenRecord:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Signatures:
-    """Valid signatures of a record, and in words the objections to the others."""
+    """Valid signatures of a record, and the objections to the others in words."""
 
     signatures: tuple[CheckedSignature, ...]
     against: tuple[str, ...] = ()
@@ -89,24 +89,24 @@ class ReportInputs:
     """All possible inputs of a report.
 
     Attributes:
-        name: Name of the network, also when nothing could be read.
+        name: Name of the network, even if nothing could be read.
         version: Version of fsoe-net.
         diagnostics: All findings.
-        resolution: The network; ``None`` when nothing was read.
-        plan: The compiled plan; ``None`` when the network does not compile.
+        resolution: The network; ``None`` if nothing was read.
+        plan: The compiled plan; ``None`` if the network does not compile.
         fingerprint: Fingerprint of ``plan``; ``None`` for a network with errors.
         budget: Timing budget of the network.
-        references: Other files the network was compared with.
+        references: Other files that the network was compared with.
         run: A run of this plan on the emulated bus.
-        scenario: Name of the scenario that was to be run; empty for none.
+        scenario: Name of the requested scenario; empty for none.
         evidence: Files about the machine.
         live: Data of a running ``fsn-master``.
         given: The plan file given for comparison.
         against: Base of the change log.
-        tried: A test record; ``None`` without one.
-        accepted: An acceptance record; ``None`` without one.
+        tried: A test record, or ``None``.
+        accepted: An acceptance record, or ``None``.
         signed: Its signatures; ``None`` if they were not checked.
-        self_test: Result of a self-test of the tool; ``None`` without one.
+        self_test: Result of a self-test of the tool, or ``None``.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""What was measured of the bus cycle T_Com, for the block on timing."""
+"""Measurements of the bus cycle T_Com, for the block on timing."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _REMARK = (
 
 
 def measured_cycle(inputs: ReportInputs) -> list[Part]:
-    """Return the bus cycle as measured by each piece of evidence."""
+    """Return the measured bus cycle from each piece of evidence."""
     rows: list[tuple[Cell, ...]] = []
     # A run in virtual time has no measured period.
     for e in inputs.evidence:
@@ -73,7 +73,7 @@ def _exact(ns: int, path: str) -> Cell:
 
 
 def _share(h: Histogram, per_million: int, path: str) -> Cell:
-    """Return a percentile; too few cycles have none: it would be the greatest time."""
+    """Return a percentile; with too few cycles there is none, as it would be the maximum."""
     least = 1_000_000 // (1_000_000 - per_million)
     if h.count < least:
         return cell(muted(f"not stated: fewer than {least:_} cycles".replace("_", " ")))

@@ -13,11 +13,11 @@ LEVELS = {
     Severity.WARNING: Level.WARNING,
     Severity.INFO: Level.NOTE,
 }
-"""How findings are shown."""
+"""The display level of each severity."""
 
 
 class PointKind(enum.Enum):
-    """What a point asks of the reader."""
+    """The type of a point for the reader."""
 
     OPEN = "open"
     ASSUMPTION = "assumption"
@@ -25,7 +25,7 @@ class PointKind(enum.Enum):
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """Something that is not settled, or that is taken for granted."""
+    """A point that is open, or that is assumed."""
 
     kind: PointKind
     text: str
@@ -40,7 +40,7 @@ class ReportSection(Section):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReportDocument(Document):
-    """A whole report; its title is the name of the machine, else of the network.
+    """A complete report; its title is the name of the machine, or else of the network.
 
     Attributes:
         network: Name of the network.
@@ -49,7 +49,7 @@ class ReportDocument(Document):
         points: Open points and assumptions of all sections, each with the title of its section.
         findings: The findings of sections and points as data.
         against: Objections on the first page other than findings, each with the title of its
-            section; empty where findings are errors.
+            section; empty if findings are errors.
         of_machine: Whether it contains data from the machine: a scan, a run, a running bus.
     """
 

@@ -1,4 +1,4 @@
-"""A network as a picture: the bus, slots, and a line for each FSoE connection; also with errors."""
+"""A network as a picture: the bus, slots, and a line per FSoE connection; even with errors."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def network_picture(resolution: Resolution, found: Sequence[Diagnostic]) -> str:
         resolution: The network, which may have errors.
         found: Findings: parts with an error are marked by a sign and by their line.
     """
-    # Findings name places, not parts: a part is drawn as wrong if its line has an error.
+    # Findings have places in files, not parts: a part is marked if its line has an error.
     wrong = {(d.span.file, d.span.line) for d in found if d.level is Severity.ERROR}
     subs = resolution.network.subdevices
     mains = {net.safety_master for net in resolution.network.nets}
@@ -37,7 +37,7 @@ def network_picture(resolution: Resolution, found: Sequence[Diagnostic]) -> str:
     ports: dict[tuple[str, int | None], tuple[float, float]] = {}
     columns = {True: top, False: top}
     for sub in (s for s in subs if _slots(s)):
-        # A SubDevice without a connection is placed by its slots: only safety logic has several.
+        # A SubDevice without a connection is placed by its slots: only a safety logic has several.
         is_left = sub.name in mains or (sub.name not in ends and len(_slots(sub)) > 1)
         role = "MainInstance" if sub.name in mains else "no FSoE connection"
         role = "SubInstance" if sub.name in ends else role
@@ -135,7 +135,7 @@ def _line(
     kind = _WRONG if is_wrong else _DRAWN
     # At least 60: two cards at the same height would otherwise be joined by a flat line.
     bend = max(60.0, abs(end[0] - begin[0]) / 2)
-    back = bend if end[0] - begin[0] < 40 else -bend  # both in one column: a loop next to it
+    back = bend if end[0] - begin[0] < 40 else -bend  # both in one column: a loop
     middle = (begin[0] + end[0]) / 2, (begin[1] + end[1]) / 2
     return (
         f"<g><title>{escape(connection.name)}</title>"

@@ -1,4 +1,4 @@
-"""Block 5: which bytes move where, every bus cycle."""
+"""Block 5: the bytes that are copied in every bus cycle."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _PLAN = "copy plan"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Range:
-    """Bytes in the image: first, one after the last, and the datagrams that contain them."""
+    """Bytes in the image: first byte, end, and the datagrams that contain them."""
 
     first: int
     end: int
@@ -44,7 +44,7 @@ class _Range:
 
 
 def copies(inputs: ReportInputs) -> ReportSection:
-    """Every copy with its ends, its places in the image and its datagrams, and the bytes drawn."""
+    """Return every copy with its ends, places in the image and datagrams, with a drawing."""
     title = "Copies"
     plan = inputs.plan
     if plan is None:
@@ -170,7 +170,7 @@ def _range_items(place: _Range | None) -> tuple[Item, ...]:
 
 
 def _targets(plan: Plan) -> dict[tuple[int, int], int]:
-    """Return how many copies write each byte: (sync manager, byte) to count."""
+    """Return how many copies write each byte: a map from (sync manager, byte) to the count."""
     taken: dict[tuple[int, int], int] = {}
     for c in plan.copies:
         first = c.destination_bit // 8
@@ -183,7 +183,7 @@ def _targets(plan: Plan) -> dict[tuple[int, int], int]:
 def _verdicts(plan: Plan, c: PlanCopy, taken: dict[tuple[int, int], int]) -> list[Item]:
     first = c.destination_bit // 8
     found: list[Item] = []
-    # Two writers of one byte: the result would depend on the order of copies.
+    # Two writers of one byte: the result depends on the order of copies.
     if any(taken[c.destination_sm, b] > 1 for b in range(first, first + c.size_bytes)):
         found.append(Verdict("bytes written twice", Level.ERROR))
     else:
@@ -192,19 +192,19 @@ def _verdicts(plan: Plan, c: PlanCopy, taken: dict[tuple[int, int], int]) -> lis
         _frames(plan, c.source_sm, c.source_bit // 8, c.size_bytes),
         _frames(plan, c.destination_sm, first, c.size_bytes),
     )
-    # A copy of standard data that touches a frame would alter safety data.
+    # A copy of standard data that overlaps a frame would alter safety data.
     if c.connection == NONE:
         word = "touches an FSoE frame" if any(ends) else "no FSoE frame touched"
         found.append(Verdict(word, Level.ERROR if any(ends) else Level.CLEAR))
         return found
-    # Frames can be recognised only where the device file describes them.
+    # Frames can be recognised only if the device file describes them.
     if not all(ends):
         found.append(Verdict("frame not recognised", Level.OPEN))
     elif ends == ([(c.source_bit // 8, c.size_bytes)], [(first, c.size_bytes)]):
         found.append(Verdict("one whole frame, no gap", Level.CLEAR))
     else:
         found.append(Verdict("not one whole frame", Level.ERROR))
-    # A connection with one direction never leaves Reset.
+    # A connection with a single direction never leaves Reset.
     pair = plan.connections[c.connection]
     both = len({pair.copy_to_sub, pair.copy_to_main}) == 2
     found.append(
@@ -216,7 +216,7 @@ def _verdicts(plan: Plan, c: PlanCopy, taken: dict[tuple[int, int], int]) -> lis
 
 
 def _frames(plan: Plan, sm: int, first: int, size: int) -> list[tuple[int, int]]:
-    """Return first byte and length of the FSoE frames that bytes of a sync manager touch."""
+    """Return first byte and length of the FSoE frames that overlap a range of a sync manager."""
     return [
         (b.byte_offset, b.frame_bytes)
         for b in plan.blocks

@@ -1,4 +1,4 @@
-"""What the machine itself reports: scans, runs, incident files, a running bus."""
+"""Data reported by the machine itself: scans, runs, incident files, a running bus."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ HEALTH_LEVELS = {
     HealthLevel.WARNING: Level.WARNING,
     HealthLevel.ERROR: Level.ERROR,
 }
-"""How levels of health are shown."""
+"""The display level of each health level."""
 
 EMULATED = Verdict("EMULATED, not evidence for this machine", Level.NOTE)
 
@@ -81,7 +81,7 @@ EMULATED = Verdict("EMULATED, not evidence for this machine", Level.NOTE)
 
 
 def bus_evidence(inputs: ReportInputs) -> ReportSection:
-    """Scans, runs, incident files, and a running bus."""
+    """Return scans, runs, incident files, and a running bus."""
     parts: list[Part] = []
     if inputs.evidence:
         files = [e.source for e in inputs.evidence]
@@ -103,12 +103,12 @@ def bus_evidence(inputs: ReportInputs) -> ReportSection:
 def _other_plans(inputs: ReportInputs) -> Iterator[str]:
     """Yield evidence of a plan other than that of the report, or of a plan not accepted."""
     own = plan_sha256(inputs)
-    # A plan that was not accepted is not the one that people signed.
+    # A plan that was not accepted is not the plan that people signed.
     if inputs.live is not None and inputs.live.status.plan_sha256 != own:
         yield "the running fsn-master has another plan"
     if inputs.live is not None and not inputs.live.status.accepted:
         yield "the running fsn-master holds no accepted plan"
-    # Both kinds state the plan they are from; a scan has none.
+    # Both types state their plan; a scan has none.
     for e in inputs.evidence:
         for source in (e.run, e.incident):
             if source is not None and source.plan_sha256 != own:
@@ -116,14 +116,14 @@ def _other_plans(inputs: ReportInputs) -> Iterator[str]:
 
 
 def is_of_machine(inputs: ReportInputs) -> bool:
-    """Return whether something was read at the machine."""
+    """Return whether any data were read at the machine."""
     if inputs.live is not None and inputs.live.status.backend != "emulated":
         return True
     return any(e.run is None or not e.run.emulated for e in inputs.evidence)
 
 
 def _unread(inputs: ReportInputs) -> Iterator[str]:
-    """Yield the data that was not read from the machine."""
+    """Yield the data that were not read from the machine."""
     if not is_of_machine(inputs):
         yield "no evidence of the machine: give --evidence scan.json or --interface IF"
     elif not any(e.scan is not None for e in inputs.evidence):
@@ -181,7 +181,7 @@ def _scan(path: str, scan: Scan) -> list[Part]:
                 "as read from the devices.",
             )
         )
-    # The values that were read back are those in use, whatever the files contain.
+    # The values read back are those in use, whatever the files contain.
     mapped = [row for s in scan.subdevices for row in _mapping_rows(path, s)]
     if mapped:
         read = ("SubDevice", "Sync manager", "Length", "Assigned PDOs")
@@ -220,7 +220,7 @@ def _fsoe_rows(path: str, s: ScannedSubDevice) -> list[tuple[Cell, ...]]:
             cell(stated(c.connection_id, "", path)),
             cell(stated(c.watchdog_ms, "ms", path)),
         )
-        # `given` are parameters as the MainInstance transfers them; both are evidence.
+        # `given` are parameters as transferred by the MainInstance; both are evidence.
         for c in (*s.fsoe.connections, *s.fsoe.given)
     ]
     return rows
@@ -242,7 +242,7 @@ def _mapping_rows(path: str, s: ScannedSubDevice) -> list[tuple[Cell, ...]]:
 
 
 def plan_sha256(inputs: ReportInputs) -> str:
-    """Return the SHA-256 of the plan of a report; empty without one."""
+    """Return the SHA-256 of the plan of a report; empty if there is none."""
     return "" if inputs.plan is None else hashlib.sha256(inputs.plan.to_bytes()).hexdigest()
 
 
@@ -358,7 +358,7 @@ def _live(live: LiveEvidence, inputs: ReportInputs) -> list[Part]:
     if s.standby is not None:
         held = ", held: it takes nothing over" if s.standby.held else ""
         items.append(Text(f"; a standby follows, process {s.standby.pid}{held}"))
-    # Names come from another request than the snapshot; a plan loaded in between has other ones.
+    # Names come from another request than the snapshot; a plan loaded in between has other names.
     names = (*live.names, *("?",) * len(live.snapshot.cycle.connections))
     rows = tuple(
         (
@@ -394,7 +394,7 @@ def _live(live: LiveEvidence, inputs: ReportInputs) -> list[Part]:
 
 
 def _state_now(health: Health, state: str) -> Cell:
-    """Return a state, and why it is not well."""
+    """Return a state, and the reasons if it is not good."""
     level = HEALTH_LEVELS[health.level]
     return (Text(state), *(Verdict(text, level) for text in health_texts(health)))
 

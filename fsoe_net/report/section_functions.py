@@ -1,4 +1,4 @@
-"""A page for each safety function, and causes and effects of all of them."""
+"""A page for each safety function, and a matrix of causes and effects."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def _facts(row: FunctionBudget) -> Table:
 
 
 def _without_fault(row: FunctionBudget) -> Cell:
-    """Return the response time of a healthy machine: a longer measured time is a fault."""
+    """Return the response time without a fault: a longer measured time is a fault."""
     if row.reaction is None:
         return ()
     unit = "ms at most without a fault"
@@ -136,7 +136,7 @@ def _parts(row: FunctionBudget) -> Table:
                 mission_cell(e.element),
             )
         )
-    # FSoE is a part of the sum although it is not listed as an element.
+    # FSoE is part of the sum although it is not listed as an element.
     if row.pfh.fsoe:
         fsoe = stated(
             row.pfh.fsoe, "1/h", "Beckhoff, Application Guide TwinSAFE", f"{row.pfh.fsoe:.2e}"
@@ -164,7 +164,7 @@ def _parts(row: FunctionBudget) -> Table:
 
 def function_test(row: FunctionBudget, inputs: ReportInputs) -> Verdict:
     """Summarise the result of a safety function's trigger at the machine."""
-    # Only the trigger tries the function as a whole; other steps try its parts.
+    # Only the trigger tests the function as a whole; other steps test its parts.
     steps = [s for s in _steps(row, inputs) if s.kind is StepKind.TRIGGER]
     # From worst to best: one failed step outweighs all others.
     if any(s.is_failed for s in steps):
@@ -178,7 +178,7 @@ def function_test(row: FunctionBudget, inputs: ReportInputs) -> Verdict:
 
 
 def _steps(row: FunctionBudget, inputs: ReportInputs) -> Sequence[TestStep]:
-    """Return the steps at the machine that are about a function, its connections and SubDevices."""
+    """Return the steps at the machine for a function, its connections and its SubDevices."""
     tried = inputs.tried
     # A record of another configuration proves nothing about this one.
     if tried is None or not tried.fits:
@@ -206,7 +206,7 @@ def _tests(row: FunctionBudget, inputs: ReportInputs) -> Part:
         for s in steps
         if s.kind is StepKind.TRIGGER
     ]
-    # Start-up and loss are steps of connections and SubDevices; they are summed up in one row.
+    # Start-up and loss are steps of connections and SubDevices; one row summarises them.
     for kind in (StepKind.START_UP, StepKind.LOSS):
         same = [s for s in steps if s.kind is kind]
         if same:
@@ -252,10 +252,10 @@ def _sign() -> Table:
 
 
 def causes_and_effects(inputs: ReportInputs) -> ReportSection:
-    """Which sensor acts on which actuator, by which safety function."""
+    """Return which sensor acts on which actuator, by which safety function."""
     key, title = "causes_and_effects", "Causes and effects"
     rows = () if inputs.budget is None else inputs.budget.functions
-    # Ordered by first mention, as a person lists functions by importance.
+    # Ordered by first mention, because people list functions by importance.
     acts: dict[str, dict[str, list[str]]] = {}
     effects: dict[str, None] = {}
     for number, row in enumerate(rows, 1):
@@ -277,7 +277,7 @@ def causes_and_effects(inputs: ReportInputs) -> ReportSection:
 
 
 def _names(row: FunctionBudget, kind: ElementKind, otherwise: ElementKind) -> list[str]:
-    """Return elements of a kind by name; where none is stated, those of the other kind."""
+    """Return elements of a kind by name; if there are none, those of the other kind."""
     for wanted in (kind, otherwise):
         found = [e.element.name for e in row.parts.rows if e.element.kind is wanted]
         if found:

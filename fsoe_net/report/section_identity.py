@@ -39,12 +39,12 @@ def _cycle(ns: int | None) -> Cell:
 
 
 def identity(inputs: ReportInputs) -> ReportSection:
-    """Machine, network, tool, files; the date is left to the hand."""
+    """Return machine, network, tool, files; the date is entered by hand."""
     resolution = inputs.resolution
     network = None if resolution is None else resolution.network
     project = "" if network is None else network.project
     points = []
-    # People sign for a machine: without its name, the report could be that of another one.
+    # People sign for a machine: without its name, the report could belong to another one.
     if not project:
         points.append(
             Point(PointKind.OPEN, "the machine is not named; write project: in the network file")
@@ -90,18 +90,18 @@ def identity(inputs: ReportInputs) -> ReportSection:
 
 
 def _given(given: GivenPlan, inputs: ReportInputs, points: list[Point]) -> list[Part]:
-    # Plans are compared as values: two files can differ in bytes only.
+    # Plans are compared by value: two files can differ only in bytes.
     same = inputs.plan is not None and given.plan == inputs.plan
     if same:
         verdict = Verdict("is the plan of these files", Level.CLEAR)
     elif inputs.plan is None:
         verdict = Verdict("not compared: these files make no plan", Level.OPEN)
     else:
-        # The sections of the fingerprint that differ lead to what has changed.
+        # The differing sections of the fingerprint show what has changed.
         changed = fingerprint_of(given.plan).changed(fingerprint_of(inputs.plan))
         where = f" (sections: {', '.join(changed)})" if changed else ""
         verdict = Verdict(f"is NOT the plan of these files{where}", Level.ERROR)
-    # A plan file that was not compared, or differs, stays open until a person has settled it.
+    # A plan file that was not compared, or differs, stays open until a person decides.
     if not same:
         points.append(Point(PointKind.OPEN, f"{given.source.path} {verdict.word}"))
     row = (cell(code(given.source.path)), cell(code(given.source.sha256)), cell(verdict))

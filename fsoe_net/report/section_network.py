@@ -55,7 +55,7 @@ _ID_MOST = 65535
 
 
 def architecture(inputs: ReportInputs) -> ReportSection:
-    """Topology, and every SubDevice with its identity and its part in FSoE."""
+    """Return the topology, and every SubDevice with its identity and its role in FSoE."""
     resolution = inputs.resolution
     if resolution is None:
         return ReportSection(key="architecture", title="Architecture", parts=(_nothing(),))
@@ -77,7 +77,7 @@ def architecture(inputs: ReportInputs) -> ReportSection:
                 narrow=topology_picture(inputs.plan, per_row=2),
             )
         )
-    # In a large network only ends of FSoE are listed; all others are counted.
+    # In a large network only SubDevices with FSoE are listed; all others are counted.
     shown = [s for s in network.subdevices if s.name in mains | subs]
     if len(network.subdevices) <= _MOST_PLAIN:
         shown = list(network.subdevices)
@@ -133,7 +133,7 @@ def _entries(inputs: ReportInputs, mains: set[str], subs: set[str]) -> list[Devi
     devices = () if tried is None or not tried.fits else tried.test_record.devices
     read = {d.subdevice: d for d in devices}
     names = dict.fromkeys(s.name for s in resolution.network.subdevices)
-    # Couplers without an FSoE end have nothing to read; only a MainInstance has a project CRC.
+    # SubDevices without an FSoE end have no data to read; only a MainInstance has a project CRC.
     blank = {
         name: DeviceEntry(subdevice=name, safety_project_crc="" if name in mains else None)
         for name in names
@@ -158,7 +158,7 @@ def _by_hand(entry: DeviceEntry | None) -> tuple[Cell, ...]:
 
 
 def _observed(inputs: ReportInputs) -> dict[str, ScannedSubDevice]:
-    """Return the devices that scans found at the position of each SubDevice, by its name."""
+    """Return the scanned devices at the position of each SubDevice, by its name."""
     scans = [e.scan for e in inputs.evidence if e.scan is not None]
     return {s.planned or s.name: s for scan in scans for s in scan.subdevices}
 
@@ -192,7 +192,7 @@ def _subdevices(
         if device is not None:
             vendor = _identity(device.vendor_id)
             product = (_identity(device.product_code), *_type_name(device, library))
-        # Without a revision each one is accepted at start.
+        # Without a revision each one is accepted at the start.
         revision = cell(muted("any")) if s.revision is None else (_identity(s.revision),)
         found = observed.get(s.name)
         firmware, serial, project = _by_hand(entries.get(s.name))
@@ -250,7 +250,7 @@ def _identity(value: int) -> Number:
 
 
 def connections(inputs: ReportInputs) -> ReportSection:
-    """Every connection with its facts and the verdicts on their uniqueness."""
+    """Return every connection with its facts and the verdicts on their uniqueness."""
     rows = () if inputs.resolution is None else inputs.resolution.connections
     title = "FSoE connections"
     if not rows:
@@ -261,7 +261,7 @@ def connections(inputs: ReportInputs) -> ReportSection:
             points=(Point(PointKind.OPEN, "there is no FSoE connection to judge"),),
         )
     points: list[Point] = []
-    # Addresses belong to SubInstances, connection IDs to connections: they are unique in other
+    # Addresses belong to SubInstances, connection IDs to connections: they are unique in different
     # sets.
     owners = _owners(rows, lambda c: c.stated.address, by_sub=True)
     ids = _owners(rows, lambda c: c.stated.connection_id, by_sub=False)
@@ -402,7 +402,7 @@ def _parameters(parameters: bytes) -> Cell:
 
 
 def _sra(parameters: bytes) -> Item:
-    """Say whether they begin with the SRA CRC of the rest (§12); an odd rest may be padded."""
+    """Return whether they begin with the SRA CRC of the rest (§12); an odd rest may be padded."""
     stated_crc = int.from_bytes(parameters[:4], "little")
     rest = parameters[4:]
     crcs = {sra_crc(rest), sra_crc(rest + bytes(len(rest) % 2))}

@@ -1,4 +1,4 @@
-"""What rests on PFH and claims of elements, and the rate of safety PDUs."""
+"""Basis of PFH and claims of elements, and the rate of safety PDUs."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from fsoe_net.timing.watchdogs import WatchdogBudget
 
 
 def quantities(inputs: ReportInputs) -> ReportSection:
-    """What the sums of PFH on the pages of safety functions rest on; the rate of safety PDUs."""
+    """Return the basis of the PFH sums on the pages of safety functions, and the rate of PDUs."""
     budget = inputs.budget
     points: list[Point] = []
     parts: list[Part] = []
@@ -40,7 +40,7 @@ def quantities(inputs: ReportInputs) -> ReportSection:
         points += [Point(PointKind.OPEN, f"{name}: no PFH of {w}") for w in row.pfh.missing]
         unclaimed = dict.fromkeys(w for claim in row.levels for w in claim.missing)
         points += [Point(PointKind.OPEN, f"{name}: no PL or SIL claim of {w}") for w in unclaimed]
-        # Without a level there is no limit that the sum could be compared with.
+        # Without a level there is no limit to compare the sum with.
         if row.pfh.limit is None:
             words = f"{name}: no level (PL or SIL) is required"
             points.append(Point(PointKind.OPEN, words))
@@ -74,7 +74,7 @@ def quantities(inputs: ReportInputs) -> ReportSection:
 
 
 def claim_cell(e: ElementRow) -> Cell:
-    """Return PL and SIL that the source of an element claims, and whether anybody answers."""
+    """Return PL and SIL claimed by the source of an element, and whether a person confirms them."""
     if e.has_no_claim:
         return cell(Verdict("not stated", Level.OPEN))
     if not e.claim:
@@ -92,14 +92,14 @@ def mission_cell(element: SafetyElement) -> Cell:
 
 
 def shortest_mission(row: FunctionBudget) -> list[Part]:
-    """Name the element with a shorter mission time than others, if any."""
+    """Return a note about the element with the shortest mission time, if they differ."""
     stated_years = [
         (e.element.mission_years, e.element.name)
         for e in row.parts.rows
         if e.element.mission_years is not None
     ]
     years = [value for value, _ in stated_years]
-    # All elements have the same mission time: none limits the others.
+    # All elements have the same mission time: none is a limit.
     if not years or min(years) == max(years):
         return []
     least = min(years)

@@ -54,7 +54,7 @@ _CALLS_FOR = {
 
 
 def fingerprint(inputs: ReportInputs) -> ReportSection:
-    """The fingerprint with one hash per section."""
+    """Return the fingerprint with one hash per section."""
     title, found = "Fingerprint", inputs.fingerprint
     if found is None:
         return ReportSection(
@@ -93,7 +93,7 @@ def fingerprint(inputs: ReportInputs) -> ReportSection:
 
 
 def change_log(inputs: ReportInputs) -> ReportSection:
-    """Differences from an earlier state, and the tests to repeat because of them."""
+    """Return differences from an earlier state, and the tests to repeat because of them."""
     title, against = "Change log", inputs.against
     if against is None:
         text = "Not compared with an earlier state; --against FILE names one."
@@ -124,11 +124,12 @@ def change_log(inputs: ReportInputs) -> ReportSection:
                 f"{counted(count, 'change')} since {against.source.path}: to be tried again",
             )
         )
-    # The compared files may be equal, yet the plan differs, for example by another library.
+    # The compared files may be equal although the plan differs, for example because of another
+    # library.
     elif _sections_changed(against, inputs):
         word = f"another fingerprint than {against.source.path}: to be tried again"
         points.append(Point(PointKind.OPEN, word))
-    # Also without a change in the files: steps may be open from the record itself.
+    # Even without a change in the files, the record itself may have open steps.
     if points or against.again:
         parts += [Heading("Steps of the test record to do again"), _again(against)]
     points += [Point(PointKind.OPEN, f"not compared: {w}") for w in found.not_compared]
@@ -189,7 +190,7 @@ def _change(c: Change) -> tuple[Cell, ...]:
 
 
 def sign_off(inputs: ReportInputs) -> ReportSection:
-    """Fields to fill in by hand, and the corresponding facts of an acceptance record."""
+    """Return fields to fill in by hand, and the corresponding facts of an acceptance record."""
     given = inputs.accepted
     short = "no fingerprint" if inputs.fingerprint is None else inputs.fingerprint.short
     parts: list[Part] = [
@@ -216,7 +217,7 @@ def sign_off(inputs: ReportInputs) -> ReportSection:
                 ),
             )
         )
-    # Without checked signatures, that they exist is an assumption.
+    # If signatures were not checked, their existence is an assumption.
     if inputs.signed is None:
         signed = Point(
             PointKind.ASSUMPTION,
@@ -249,7 +250,7 @@ def _signatures(signed: Signatures) -> list[Part]:
 
 
 def _changed_files(record: Acceptance, inputs: ReportInputs) -> list[Point]:
-    """Say that files changed though the fingerprint did not: it does not hold everything."""
+    """Return points about files that changed although the fingerprint did not."""
     accepted = {s.sha256 for s in record.inputs}
     sources = inputs.resolution.network.sources if inputs.resolution else ()
     changed = [s.path for s in sources if s.sha256 not in accepted]
@@ -273,7 +274,7 @@ def _of(given: GivenRecord) -> str:
 def _sign_off(parts: list[Part], people: Sequence[SignedBy], *points: Point) -> ReportSection:
     roles = ("Author", "Verifier, who is not the author", "Released for the machine by")
     rows = []
-    # Lines for hand-written names stay empty where no record fills them.
+    # Lines for hand-written names stay empty if no record fills them.
     for number, role in enumerate(roles):
         signed = people[number] if number < len(people) else None
         name = BLANK if signed is None else cell(signed.name)
@@ -296,7 +297,7 @@ def _interventions(given: GivenRecord) -> Table:
 
 
 def open_points(points: Sequence[tuple[str, Point]], inputs: ReportInputs) -> ReportSection:
-    """Everything that is not settled: findings with their fixes, open points, assumptions."""
+    """Return all open items: findings with their fixes, open points, assumptions."""
     parts: list[Part] = [Heading("Findings")]
     if inputs.diagnostics:
         parts.append(_findings(inputs))
@@ -309,7 +310,7 @@ def open_points(points: Sequence[tuple[str, Point]], inputs: ReportInputs) -> Re
         rows = tuple(
             (cell(muted(block)), cell(p.text), BLANK)
             for block, p in points
-            # Findings have a table of their own above.
+            # Findings have a separate table above.
             if p.kind is kind and block != "Findings"
         )
         parts.append(Heading(title))

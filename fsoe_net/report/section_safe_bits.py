@@ -1,4 +1,4 @@
-"""Which safe bits of which FSoE frames carry a safety function."""
+"""The safe bits and FSoE frames that carry a safety function."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ def safe_bits(function: SafetyFunction, connections: Sequence[Connection]) -> li
     A function without inputs and outputs has no table.
 
     Args:
-        function: As the network file states it.
-        connections: Those of the network.
+        function: The function in the network file.
+        connections: Connections of the network.
     """
     ends = [e for e in function.elements if e.kind in (ElementKind.INPUT, ElementKind.OUTPUT)]
     if not ends:
@@ -60,7 +60,7 @@ def _rows(e: SafetyElement, frames: Sequence[ElementFrame]) -> Iterator[tuple[Ce
     if e.bits:
         for bit in e.bits:
             yield (cell(strong(bit.name)), element, *_place(bit, frame_of(bit, frames)))
-    # A frame exists but its bit is not stated: a person must find it out.
+    # The frame exists but its bit is not stated: a person must determine it.
     elif frames:
         between = tuple(item for f in frames for item in _between(f))
         yield (cell(Verdict("not stated", Level.OPEN)), element, between, (), (), (), ())

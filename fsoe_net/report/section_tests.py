@@ -35,18 +35,18 @@ if TYPE_CHECKING:
 
 
 def tests(inputs: ReportInputs) -> ReportSection:
-    """The checklist, and separately the runs on the emulated bus."""
+    """Return the checklist, and separately the runs on the emulated bus."""
     parts: list[Part] = [Heading("Checklist")]
     points: list[Point] = []
     tried = inputs.tried
-    # No record is an open point, not an error: the report can be made before the tests.
+    # A missing record is an open point, not an error: the report can be created before the tests.
     if tried is None:
         parts.append(Paragraph((Text("The checklist is empty: no test record was given."),)))
         points.append(Point(PointKind.OPEN, "no test record: nothing was tried at the machine"))
     else:
         parts += [files_table("test record", [tried.source]), _checklist(tried)]
         points += _left(tried, inputs)
-        # A record of another network stays visible, but none of its results counts.
+        # A record of another network stays visible, but none of its results count.
         if not tried.fits:
             word = f"{tried.source.path} cannot be taken for this network"
             parts.append(Paragraph((Verdict(word, Level.ERROR), Text(": see the open points."))))
@@ -92,9 +92,9 @@ def _left(tried: Tried, inputs: ReportInputs) -> list[Point]:
 
 
 def _circumstances(inputs: ReportInputs) -> list[Part]:
-    """Return equipment, environment and attachments, as the acceptance record has them."""
+    """Return equipment, environment and attachments of the acceptance record."""
     given = inputs.accepted
-    # Circumstances of another configuration say nothing about these tests.
+    # Circumstances of another configuration do not apply to these tests.
     if given is None or not given.fits:
         return []
     record = given.record
@@ -127,7 +127,7 @@ _CHECKLIST = (
     Column("MACHINE, by hand", share=21),
     Column("Who, when", share=19),
 )
-"""What people fill in by hand takes most of the width."""
+"""Columns filled in by hand take most of the width."""
 
 
 def _checklist(tried: Tried) -> Table:
@@ -154,7 +154,7 @@ def _checklist(tried: Tried) -> Table:
 
 
 def limit(s: TestStep, source: str) -> Cell:
-    """Return the time limit of a step, in ms, or that there is none."""
+    """Return the time limit of a step in ms, or that there is none."""
     if s.limit_ms is None:
         return cell(muted("no limit"))
     return cell(stated(s.limit_ms, "ms", s.limit_source or source))
@@ -179,7 +179,7 @@ def _result(seen: StepResult | AtMachine | None, source: str, *, failed: bool = 
     if seen is not None and seen.outcome is not None:
         said = "; ".join(text for text in (getattr(seen, "time_is", ""), seen.remark) if text)
         word = f"{seen.outcome.value}: {said}" if said else seen.outcome.value
-        # The same result is an error or not, depending on who saw it: the caller decides.
+        # Whether the same result is an error depends on the observer: the caller decides.
         failed = failed or seen.outcome is StepOutcome.NOT_AS_EXPECTED
         items.append(Verdict(word, Level.ERROR) if failed else Text(word))
     if seen is not None and seen.measured_ms is not None:

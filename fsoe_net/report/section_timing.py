@@ -55,7 +55,7 @@ _WATCHDOGS = dict.fromkeys(WatchdogJudgement, Level.OPEN) | {
 
 
 def timing(inputs: ReportInputs) -> ReportSection:
-    """Watchdogs with their admissible intervals, reaction times of each function, both methods."""
+    """Return watchdogs with their permitted intervals, and reaction times of each function."""
     title = "Timing"
     budget = inputs.budget
     if budget is None:
@@ -95,7 +95,7 @@ def timing(inputs: ReportInputs) -> ReportSection:
 
 
 def _pictures(budget: Budget, row: FunctionBudget) -> list[Picture]:
-    """Draw one function; one picture of all would be cut at the end of a page."""
+    """Draw one function; a common picture would be cut at the end of a page."""
     words = (
         "Error-free: solid, circle; ETG.5100: dashed, square; Beckhoff: dotted, triangle; FSoE "
         "handshake, one connection late: diamond; required: dash and dot, cross. The upright "
@@ -160,7 +160,7 @@ def _limit(limit: Limit | None, *, up: bool = False) -> Cell:
 
 
 def upper_bound(value: float | None, source: str, *, up: bool = True) -> Item:
-    """Return a time that is judged, or that judges: never shown on the better side of itself."""
+    """Return a time that is compared with a limit, rounded to the unfavourable side."""
     text = "" if value is None else decimal(outward(value, up=up))
     return stated(value, "ms", source, text)
 
@@ -236,7 +236,7 @@ def _reactions(budget: Budget) -> Table:
     rows = []
     for row in budget.functions:
         r, required = row.reaction, row.function.required_reaction_ms
-        # The two methods are from different documents and must not be mixed in one column.
+        # The two methods come from different documents and must not be mixed in one column.
         etg, typical = _ETG, _BECKHOFF
         rows.append(
             (
@@ -274,7 +274,7 @@ def _reactions(budget: Budget) -> Table:
 
 
 def _late(r: Reaction | None) -> Cell:
-    """Return the response of each connection that is late, then lost; the judged one first."""
+    """Return the response of each connection for a late and a lost frame; the judged one first."""
     if r is None:
         return cell(upper_bound(None, _HANDSHAKE))
     items: list[Item] = []
@@ -285,7 +285,7 @@ def _late(r: Reaction | None) -> Cell:
 
 
 def quantity_cell(q: Quantity, text: str = "") -> Cell:
-    """Return a value with its unit, and whether anybody answers for it."""
+    """Return a value with its unit, and whether a person confirms it."""
     if q.value is None:
         return cell(Verdict("not stated", Level.OPEN))
     number = stated(q.value, q.unit, q.source or "no source", text)

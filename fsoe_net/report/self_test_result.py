@@ -1,4 +1,4 @@
-"""The result of ``fsoe-net doctor --self-test``, as a report shows it."""
+"""The result of ``fsoe-net doctor --self-test`` in a report."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ class SelfTestResult:
 
     Attributes:
         source: The file.
-        version: Of fsoe-net that was tried.
+        version: Version of the tested fsoe-net.
         build: SHA-256 over its files, in hex.
-        here: The same of the fsoe-net that makes the report.
+        here: The same for the fsoe-net that creates the report.
         parts: Result of each part by name: ``pass``, ``fail`` or ``not tried``.
     """
 
@@ -56,7 +56,7 @@ class SelfTestResult:
 
     @property
     def verdict(self) -> Verdict:
-        """Result about the tool that makes the report."""
+        """Verdict on the tool that creates the report."""
         failed = self.named("fail")
         if failed or not self.named("pass"):
             return Verdict(f"FAILED: {', '.join(failed) or 'nothing was tried'}", Level.ERROR)
@@ -73,7 +73,7 @@ def read_self_test(path: str, here: str) -> SelfTestResult:
         here: Build of this installation, SHA-256 in hex.
 
     Raises:
-        InputError: It cannot be read, or is something else.
+        InputError: The file cannot be read, or has another content.
     """
     source, data = read_source(path, most=MAX_PASTED_BYTES)
     try:
@@ -88,10 +88,10 @@ def read_self_test(path: str, here: str) -> SelfTestResult:
         # Without build and version the result cannot be assigned to an installation.
         if not _BUILD.fullmatch(build) or not _VERSION.fullmatch(version):
             raise ValueError("it does not state of which build it is")
-        # The parts of another build may differ; those of this one are known.
+        # The parts of another build may differ; those of this build are known.
         if build == here and [name for name, _ in parts] != list(PART_NAMES):
             raise ValueError("it does not have the parts of this build")
-        # A result that was edited by hand no longer fits its parts.
+        # A result edited by hand does not match its parts.
         if document["result"] != ("fail" if "fail" in dict(parts).values() else "pass"):
             raise ValueError("its result does not fit its parts")
     except (ValueError, KeyError, TypeError, RecursionError) as exc:

@@ -22,12 +22,11 @@ def steps_to_repeat(
     plans: tuple[Plan, Plan] | None = None,
     functions: Sequence[SafetyFunction] | None = None,
 ) -> tuple[str, ...]:
-    """Return the ids of the steps to do again, in their order.
+    """Return the ids of the steps to repeat, in their order.
 
     A change of a SubDevice, its process data, a copy or a connection affects every connection and
     every safety function with an end there. A change of shared data, of a removed or renamed item,
-    or of a place that this network does not name affects everything: no change is assumed to be
-    harmless.
+    or of an unknown place affects everything: no change is assumed to be harmless.
 
     Args:
         changes: Differences from the accepted state.
@@ -44,10 +43,10 @@ def steps_to_repeat(
     if named is None or more is None:
         return tuple(step.id for step in steps)
     subdevices, touched_functions = named[0] | more, named[1]
-    # Safety functions are not part of the plan, so that a plan alone cannot show their change.
+    # Safety functions are not part of the plan, so a plan alone cannot show their change.
     if functions is not None:
         accepted = {f.name: safety_text((f,)) for f in functions}
-        # A new function has no accepted text and is tried as well.
+        # A new function has no accepted text and is also tested.
         for f in resolution.network.safety_functions:
             if accepted.get(f.name) != safety_text((f,)):
                 touched_functions.add(f.name)
@@ -62,13 +61,13 @@ def steps_to_repeat(
 
 
 def _named(changes: Sequence[Change], resolution: Resolution) -> tuple[set[str], set[str]] | None:
-    """Return the SubDevices and safety functions that changes name, ``None`` for all."""
+    """Return the SubDevices and safety functions named by changes, or ``None`` for all."""
     known = {s.name for s in resolution.network.subdevices if s.name}
     functions: set[str] = set()
     subdevices: set[str] = set()
     for change in changes:
         if change.area is ChangeArea.SAFETY_FUNCTION:
-            functions.add(change.where)  # a removed one has no step
+            functions.add(change.where)  # a removed function has no step
             # A change without a name may concern any function.
             if not change.where:
                 return None
@@ -83,7 +82,7 @@ def _named(changes: Sequence[Change], resolution: Resolution) -> tuple[set[str],
 
 
 def _functions_over(subdevices: Collection[str], resolution: Resolution) -> set[str]:
-    """Return the safety functions whose signal goes over one of these SubDevices."""
+    """Return the safety functions whose signal passes one of these SubDevices."""
     if not subdevices:
         return set()
     mains: dict[str, set[str]] = {}
@@ -92,7 +91,7 @@ def _functions_over(subdevices: Collection[str], resolution: Resolution) -> set[
     feeds: dict[str, set[str]] = {}
     for row in resolution.transfers:
         source, destination = row.source.subdevice, row.destination.subdevice
-        # FSoE copies follow connections; only standard data can feed another function.
+        # FSoE copies belong to connections; only standard data can affect another function.
         standard = row.transfer.kind is TransferKind.STANDARD
         if standard and source is not None and destination is not None:
             feeds.setdefault(destination.name, set()).add(source.name)
@@ -100,13 +99,13 @@ def _functions_over(subdevices: Collection[str], resolution: Resolution) -> set[
     for function in resolution.network.safety_functions:
         used = {e.sub for e in function.elements if e.sub}
         waiting = list(used)
-        while waiting:  # its logic belongs to it, named as an element or not
+        while waiting:  # its logic is part of it, even if it is not an element
             new = mains.get(waiting.pop(), set()) - used
             used |= new
             waiting += new
         for name in tuple(used):  # a reset, for example
             used |= feeds.get(name, set())
-        # A function without SubDevices cannot be assigned: it is tried in any case.
+        # A function without SubDevices cannot be assigned, so it is tested in any case.
         if not used or not used.isdisjoint(subdevices):
             found.add(function.name)
     return found

@@ -11,19 +11,19 @@ from fsoe_net.plan.show import entry_at
 
 _BOX_WIDTH, _BOX_HEIGHT, _GAP = 170, 62, 34
 MAX_PER_ROW = 5
-_LINE, _TOP_LINE = 15, 34  # height of a name, and the highest base line in the picture
+_LINE, _TOP_LINE = 15, 34  # height of a name, and the highest baseline in the picture
 _DASHES = ("", "9 4", "2 3", "12 3 2 3", "18 5", "5 3 2 3 2 3")
 _COLOURS = ("#0550ae", "#953800", "#116329", "#6639ba", "#99286e", "#424a53")
 
 
 def _colour(number: int) -> str:
-    """Return a colour; the page has variables for it that follow its scheme."""
+    """Return a colour; the page defines variables for it that follow its colour scheme."""
     place = number % len(_COLOURS)
     return f"var(--c{place},{_COLOURS[place]})"
 
 
 def topology_picture(plan: Plan, *, per_row: int = MAX_PER_ROW) -> str:
-    """Draw the bus with the SubDevices involved, and its FSoE connections.
+    """Draw the bus with the SubDevices involved and its FSoE connections.
 
     Connections are arcs; if those would cross too many rows, each box names its connections
     instead. If there are many SubDevices, those without a copy are omitted with a note.
@@ -36,7 +36,7 @@ def topology_picture(plan: Plan, *, per_row: int = MAX_PER_ROW) -> str:
     # A small network is shown completely, so that a person recognises the machine.
     if len(plan.subdevices) <= 12:
         shown = list(range(len(plan.subdevices)))
-    # Arcs over more than two rows cross boxes and cannot be followed.
+    # Arcs across more than two rows would cross boxes and be hard to follow.
     dense = len(shown) > 2 * per_row
     first_y, step_x, step_y = (30 if dense else 110), _BOX_WIDTH + _GAP, (94 if dense else 200)
     place: dict[int, tuple[float, float]] = {}
@@ -63,7 +63,7 @@ def topology_picture(plan: Plan, *, per_row: int = MAX_PER_ROW) -> str:
     subs = {c.sub for c in plan.connections}
     for n in shown:
         parts.append(_box(plan, n, place[n], n in mains, n in subs, lines.get(n, "")))
-    if not dense:  # names above all lines, so that none is struck through
+    if not dense:  # names above all lines, so that no line crosses a name
         parts += _arcs(plan, place)
     hidden = len(plan.subdevices) - len(shown)
     if hidden:
@@ -73,7 +73,7 @@ def topology_picture(plan: Plan, *, per_row: int = MAX_PER_ROW) -> str:
 
 
 def _rows(plan: Plan, shown: Sequence[int], per_row: int) -> list[tuple[str, list[int]]]:
-    """Return the content of each row; with several buses the first row of a bus has its name."""
+    """Return the content of each row; with several buses, the first row of a bus has its name."""
     buses: dict[int, list[int]] = {}
     for number in shown:
         # In order of the plan, which is the order on the wire.
@@ -89,7 +89,7 @@ def _rows(plan: Plan, shown: Sequence[int], per_row: int) -> list[tuple[str, lis
 
 
 def _bus_line(places: list[tuple[float, float]], step_x: float) -> list[str]:
-    """The EtherCAT line through the boxes, row by row."""
+    """Return the EtherCAT line through the boxes, row by row."""
     lines = []
     for top in sorted({y for _, y in places}):
         y, end = top + _BOX_HEIGHT / 2, max(x for x, row in places if row == top)
@@ -136,7 +136,7 @@ def _box(
 
 
 def _arcs(plan: Plan, place: dict[int, tuple[float, float]]) -> list[str]:
-    """Return the lines of all connections, then their names, none of which touches another."""
+    """Return the lines of all connections, then their names, which do not overlap."""
     lines, names = [], []
     taken: list[tuple[float, float, float]] = []
     for number, connection in enumerate(plan.connections):
@@ -160,11 +160,11 @@ def _arcs(plan: Plan, place: dict[int, tuple[float, float]]) -> list[str]:
 def _free_line(
     middle: float, wanted: float, wide: float, taken: list[tuple[float, float, float]]
 ) -> float:
-    """Return the height next to the one that is wanted at which a name touches no other."""
-    # Alternately above and below: the free line that is nearest to the wanted one is found first.
+    """Return the free height for a name that is closest to the wanted one."""
+    # Alternately above and below, so that the closest free line is found first.
     for step in range(4 * len(taken) + 2):
         base = wanted + _LINE * ((step + 1) // 2) * (1 if step % 2 else -1)
-        # Above this line the text would leave the picture.
+        # Above this line the text would be outside of the picture.
         if base < _TOP_LINE:
             continue
         near = (t for t in taken if abs(t[1] - base) < _LINE)
@@ -176,9 +176,9 @@ def _free_line(
 def _arc(
     number: int, main: tuple[float, float], sub: tuple[float, float]
 ) -> tuple[str, float, float]:
-    """Return the line of a connection, and where its name is best: middle and base line.
+    """Return the line of a connection and the best position of its name: middle and baseline.
 
-    Lines differ in colour and in dash.
+    Lines differ in colour and dashes.
     """
     (x1, y1), (x2, y2) = main, sub
     shift = 10 * (number % 4) - 15
@@ -211,7 +211,7 @@ def _byte_row(
     plan: Plan, sm_number: int, first: int, size: int, word: str, y: float, colour: str
 ) -> str:
     sm = plan.sync_managers[sm_number]
-    # An empty sync manager must not divide by zero.
+    # An empty sync manager must not cause a division by zero.
     total = max(1, sm.size_bytes)
     left, room = 122, 266
     unit = room / total
@@ -241,7 +241,7 @@ def _byte_row(
         f'style="fill:{colour}"/>'
         + cells
         + svg_text(middle, y + 38, label, "middle", "tiny")
-        # The end labels are left out where the label of the frame would cover them.
+        # The end labels are omitted if the label of the frame would cover them.
         + (
             svg_text(left, y + 38, "0", "start", "tiny")
             if first and middle - wide / 2 > left + 14

@@ -58,7 +58,7 @@ def render_test_record(test_record: TestRecord, *, version: str) -> Document:
     count = f"{len(p.open_steps)} of {counted(len(p.machine_steps), 'step')} open at the machine"
     if p.failed_steps:
         count += f", {len(p.failed_steps)} not as expected"
-    # Named apart: a person and a program disagree, which needs a decision and not a test.
+    # Listed separately: a person and a program disagree, which needs a decision, not a test.
     if p.disputed_steps:
         count += f", {len(p.disputed_steps)} as expected by hand and not by program"
     lead = [words(_NOTE, note=True), words("Plan ", code(p.plan_sha256))]
