@@ -1,4 +1,4 @@
-"""Shows a running ``fsn-master`` as a node: diagnostics, joints, values; and takes requests."""
+"""Publishes a running ``fsn-master`` as a node: diagnostics, joints, values; serves requests."""
 
 from __future__ import annotations
 
@@ -34,17 +34,17 @@ from fsoe_net.ros2.recording import McapFile
 from fsoe_net.ros2.values import Joint, SignalTopic, find_joints, signal_topics
 
 LOOK_S = 0.25
-"""How often the state of the bus is looked at, and ``/diagnostics`` published."""
-_AGAIN_S = 1.0  # a value that does not change is published so often
+"""Interval for reading the state of the bus and publishing ``/diagnostics``."""
+_AGAIN_S = 1.0  # an unchanged value is published at this interval
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BridgeOptions:
-    """How a bus is shown.
+    """Options for publishing a bus.
 
-    ``rate_hz``: of joints; values come with it when they change. ``joints``: whether to publish
-    joints. ``namespace``: of all topics but ``/diagnostics``, such as ``/left``. ``record``: MCAP
-    file that receives all that is published; it is replaced.
+    ``rate_hz``: rate of joints, and of values that change. ``joints``: whether to publish joints.
+    ``namespace``: prefix of all topics except ``/diagnostics``, such as ``/left``. ``record``: MCAP
+    file for all published messages; it is replaced.
     """
 
     name: str
@@ -65,7 +65,7 @@ class Bridge:
         options: Display options.
 
     Raises:
-        EnvironmentFault: No answer, DDS does not start, or control is not this user's.
+        EnvironmentFault: No answer, DDS does not start, or this user has no control permission.
     """
 
     def __init__(self, path: str, options: BridgeOptions) -> None:
@@ -80,7 +80,7 @@ class Bridge:
         self._yields = False
         self.control: NodeControl | None = None
         self.recording: McapFile | None = None
-        # A bridge that is half open would keep its threads alive.
+        # A half-open bridge would keep its threads alive.
         with ExitStack() as opened:
             self._attachment = Attachment(path)
             opened.callback(self._attachment.close)
@@ -95,13 +95,13 @@ class Bridge:
             if self.control is not None:
                 self._serve(self.control)
             self._opened = opened.pop_all()
-        # Values have a thread of their own: diagnostics must appear even if no value arrives.
+        # Values have a separate thread: diagnostics must appear even if no value arrives.
         self._values = threading.Thread(target=self._follow_values, name="values", daemon=True)
         self._values.start()
 
     @property
     def topics(self) -> tuple[str, ...]:
-        """Topics that are published; the last one is the prefix of values and services."""
+        """Published topics; the last one is the prefix of values and services."""
         joints = (self._joint_topic,) if self._options.joints else ()
         return ("/diagnostics", *joints, self._prefix)
 
@@ -112,7 +112,7 @@ class Bridge:
         self.close()
 
     def close(self) -> None:
-        """Leave; ``fsn-master`` continues, outputs set by nodes take their stop values."""
+        """Leave the domain; ``fsn-master`` continues, outputs of nodes take their stop values."""
         self._ending.set()
         self._values.join()
         self._opened.close()
@@ -131,7 +131,7 @@ class Bridge:
         )
 
     def look(self, stop: threading.Event | None = None) -> BusView:
-        """Wait a moment, then publish the state of the bus and return it.
+        """Wait for a moment, then publish the state of the bus and return it.
 
         Raises:
             EnvironmentFault: The recording cannot be continued.
@@ -142,7 +142,7 @@ class Bridge:
         # Events are not shown here; kept, they would fill the memory.
         self._attachment.take_events()
         found = ros_statuses(view)
-        # Two publishers of one joint make its state jump between them.
+        # With two publishers of one joint, its state would jump between them.
         self._yields = self._node.has_other_publisher(self._joint_topic)
         if self._joints and self._options.joints:
             found.append(joint_status(self._joints, self._joint_topic, yields=self._yields))
@@ -167,7 +167,7 @@ class Bridge:
             ],
         )
 
-    # -- values have a connection of their own: they come at their own pace ------------------------
+    # -- values have a separate connection and their own rate ---------------------------------
 
     def _follow_values(self) -> None:
         while not self._ending.is_set():
@@ -179,7 +179,7 @@ class Bridge:
                 self._ending.wait(_AGAIN_S)
 
     def _follow(self, client: Client) -> None:
-        """Publish values until the bus stops or ``fsn-master`` goes: it may come with others."""
+        """Publish values until the bus stops or ``fsn-master`` ends; it may return with others."""
         symbols = client.symbols()
         topics, joints = signal_topics(symbols), find_joints(symbols)
         self._joints = joints
@@ -188,7 +188,7 @@ class Bridge:
             self._ending.wait(_AGAIN_S)
             return
         cycle_ns = client.status().cycle_ns or 1_000_000
-        # DDS cannot take each cycle of a fast bus; the rate is what the user asked for.
+        # DDS cannot carry each cycle of a fast bus; the user sets the rate.
         every = max(1, round(1e9 / (self._options.rate_hz * cycle_ns)))
         client.watch_on("*", every=min(every, 1_000_000), typed=True)
         shown = _Shown()
@@ -197,9 +197,9 @@ class Bridge:
             rows = client.watched(LOOK_S)
             if rows:
                 silent_since = time.monotonic()
-                # Only the newest row: a node that was delayed must not publish the past.
+                # Only the newest row: a delayed node must not publish outdated values.
                 self._publish(rows[-1], topics, joints, shown)
-            # A silent bus may have another plan when it returns: topics are made again.
+            # A silent bus may have another plan when it returns: topics are created again.
             elif time.monotonic() - silent_since > _AGAIN_S:
                 self._joints = ()
                 return
@@ -228,7 +228,7 @@ class Bridge:
         offered = tuple((t.topic, t.symbol.name) for t in topics)
         if self.control is None or offered == self._offered:
             return
-        # Unsubscribe first: an output of the old plan must not be set any more.
+        # Unsubscribe first: an output of the old plan must no longer be set.
         for reader in self._readers:
             self._node.unsubscribe(reader)
         self._readers = [
@@ -249,7 +249,7 @@ class Bridge:
 
 
 class _Shown:
-    """Which values were published, and when all of them were last."""
+    """The published values, and when all of them were last published."""
 
     def __init__(self) -> None:
         self._last: dict[str, Value] = {}  # by topic
@@ -258,7 +258,7 @@ class _Shown:
     def due(
         self, topics: tuple[SignalTopic, ...], values: Values
     ) -> list[tuple[SignalTopic, Value]]:
-        """Return those whose value has changed, with it; all of them once in a while."""
+        """Return topics with changed values; at an interval, return all of them."""
         now_s = time.monotonic()
         # Also without a change, for subscribers that came later.
         every = now_s - self._all_s >= _AGAIN_S

@@ -1,7 +1,8 @@
 """Control of a bus by other nodes: set outputs, start and stop it. Only if allowed.
 
-DDS has no users: every process in the domain has the permissions of this one. Therefore nothing can
-be armed from here, and no output of a drive is set: a real-time client moves axes.
+DDS has no users: every process in the domain has the permissions of this one. Therefore outputs
+cannot be armed from here, and no output of a drive can be set: axes are moved by a real-time
+client.
 """
 
 from __future__ import annotations
@@ -20,26 +21,26 @@ from fsoe_net.ros2.diagnostics import RosLevel, RosStatus
 from fsoe_net.ros2.values import Joint, SignalKind, SignalTopic
 
 LEASE_MS = 1000
-"""Of silence of a process, after which the outputs it has set take their stop values."""
-# Outputs that move the first axis of a drive (IEC 61800-7-201), and names of parts of them.
+"""Silence of a process after which its outputs take their stop values."""
+# Outputs that move the first axis of a drive (IEC 61800-7-201), and parts of such names.
 _MOVES = frozenset({0x6040, 0x6060, 0x6071, 0x607A, 0x60FF})
 _MOVES_BY_NAME = frozenset({"control_word", "controlword", "position", "velocity", "effort"})
 _IDLE_S = 10.0
 _MOST_SENDERS = 8  # of the 64 clients of fsn-master
-_LONGEST_NAME = 100  # that is said again
-_MOST_AT_ONCE = 256  # parameters of a request; meanwhile no other one is served
+_LONGEST_NAME = 100  # that is repeated in a message
+_MOST_AT_ONCE = 256  # parameters of a request; no other request is served in the meantime
 
 
 @dataclass(slots=True)
 class _Sender:
-    """A ROS process that sets outputs, as a separate client."""
+    """A ROS process that sets outputs; it has its own client."""
 
     client: Client
     last_s: float
 
 
 def settable(topics: Sequence[SignalTopic], joints: Sequence[Joint]) -> tuple[SignalTopic, ...]:
-    """Return the outputs that nodes may set: open, not armed, and none of a drive."""
+    """Return the outputs that nodes may set: open, not armed, and not of a drive."""
     actual = {joint.position for joint in joints}
     drives = {s.subdevice for t in topics if _is_of_drive(s := t.symbol, actual)}
     return tuple(t for t in topics if t.is_settable and t.symbol.subdevice not in drives)
@@ -52,13 +53,13 @@ def _is_of_drive(symbol: Symbol, actual: Collection[str]) -> bool:
 
 
 class NodeControl:
-    """Does what nodes request, over clients of the control socket; one thread at a time.
+    """Executes requests of nodes with clients of the control socket; one thread at a time.
 
     Args:
         path: Control socket.
 
     Raises:
-        EnvironmentFault: Nobody answers there, or this user only reads there.
+        EnvironmentFault: No process answers, or this user has only read permission.
     """
 
     def __init__(self, path: str) -> None:
@@ -77,13 +78,13 @@ class NodeControl:
         self.access = access
 
     def close(self) -> None:
-        """End; outputs take their stop values."""
+        """Disconnect; outputs take their stop values."""
         for sender in self._senders.values():
             sender.client.close()
         self._senders.clear()
 
     def set_output(self, topic: SignalTopic, message: Any, who: str) -> None:
-        """Set an output to the value of a message; the status shows a refusal."""
+        """Set an output to the value of a message; a refusal is shown in the status."""
         self._set_value(topic, topic.kind.python(message.data), who)
 
     def set_parameters(
@@ -104,12 +105,11 @@ class NodeControl:
             text = self._refuse(f"more than {_MOST_AT_ONCE} parameters at once: nothing was set")
             return [(False, text)]
         refusals: list[str] = []
-        fault = ""  # of the control socket: it is not waited for once more
+        fault = ""  # of the control socket: it is not waited for again
         for each in request.parameters:
             topic, value = offered.get(each.name), each.value.python()
             refusals.append(fault or self._set_parameter(topic, each.name, value, who))
-            # One timeout is enough: a socket that does not answer would block each further
-            # parameter.
+            # One timeout is enough: a socket without an answer would block each further parameter.
             if refusals[-1] and topic is not None and who not in self._senders:
                 fault = refusals[-1]
         return [(not text, text) for text in refusals]
@@ -153,7 +153,7 @@ class NodeControl:
         """Return completed and refused requests.
 
         Args:
-            unreadable: So many messages could not be read.
+            unreadable: Number of messages that could not be read.
         """
         level = RosLevel.WARN if self._refused else RosLevel.OK
         values = (
@@ -193,7 +193,7 @@ class NodeControl:
         return sender.client
 
     def _forget_idle(self) -> None:
-        """End clients of processes that are silent: their outputs have fallen back long ago."""
+        """Disconnect clients of silent processes; their outputs have already fallen back."""
         before = time.monotonic() - _IDLE_S
         for who in [w for w, s in self._senders.items() if s.last_s < before]:
             self._senders.pop(who).client.close()

@@ -51,11 +51,11 @@ class RosStatus:
 
 
 def joint_status(joints: Sequence[Joint], topic: str, *, yields: bool) -> RosStatus:
-    """Return which axes are published as joints, and why others are not.
+    """Return the axes published as joints, and the reasons why others are not.
 
     Args:
         joints: Axes of the plan.
-        topic: Where they are published.
+        topic: Topic on which they are published.
         yields: Whether another node publishes there, so that this one does not.
     """
     raw = [joint.name for joint in joints if joint.is_raw]

@@ -1,8 +1,8 @@
-"""ROS 2 messages as DDS types: only standard ones, so that no interface must be built.
+"""ROS 2 messages as DDS types; only standard messages, so that no interface must be built.
 
-Needs ``cyclonedds``. Names are those that an rmw gives its types; a field has the name, type and
-place of the message definition, so the bytes are those that ROS itself sends. Annotations are read
-by ``cyclonedds``, which takes no texts.
+Needs ``cyclonedds``. Names are those of the types in an rmw. Each field has the name, type and
+place of the message definition, so the bytes are the same as those of ROS itself. Annotations are
+evaluated by ``cyclonedds``, which does not accept strings.
 """
 
 import dataclasses
@@ -24,7 +24,7 @@ class Stamp(IdlStruct, typename="builtin_interfaces::msg::dds_::Time_"):
 
 @dataclass
 class Header(IdlStruct, typename="std_msgs::msg::dds_::Header_"):
-    """When, and in which frame of coordinates."""
+    """Time, and coordinate frame."""
 
     stamp: Stamp = field(default_factory=Stamp)
     frame_id: str = ""
@@ -40,7 +40,7 @@ class KeyValue(IdlStruct, typename="diagnostic_msgs::msg::dds_::KeyValue_"):
 
 @dataclass
 class DiagnosticStatus(IdlStruct, typename="diagnostic_msgs::msg::dds_::DiagnosticStatus_"):
-    """State of one thing; levels are those of `RosLevel`."""
+    """State of one subject; levels are those of `RosLevel`."""
 
     level: types.byte
     name: str
@@ -51,7 +51,7 @@ class DiagnosticStatus(IdlStruct, typename="diagnostic_msgs::msg::dds_::Diagnost
 
 @dataclass
 class DiagnosticArray(IdlStruct, typename="diagnostic_msgs::msg::dds_::DiagnosticArray_"):
-    """Statuses of one moment."""
+    """Statuses at one moment."""
 
     header: Header
     status: types.sequence[DiagnosticStatus]
@@ -98,7 +98,7 @@ SIGNALS = {
 
 @dataclass
 class TriggerRequest(IdlStruct, typename="std_srvs::srv::dds_::Trigger_Request_"):
-    """A request without fields; in front what `rmw_cyclonedds_cpp` needs to find the caller."""
+    """A request without fields; the header is needed by `rmw_cyclonedds_cpp` to find the caller."""
 
     client: types.uint64
     number: types.int64
@@ -131,7 +131,7 @@ class _ParameterValue(IdlStruct, typename="rcl_interfaces::msg::dds_::ParameterV
     string_array_value: types.sequence[str]
 
     def python(self) -> bool | int | float | None:
-        """Return its value; ``None`` if it is neither a bool nor a number."""
+        """Return its value, or ``None`` if it is neither a bool nor a number."""
         return {1: self.bool_value, 2: self.integer_value, 3: self.double_value}.get(self.type)
 
 
@@ -145,7 +145,7 @@ class _Parameter(IdlStruct, typename="rcl_interfaces::msg::dds_::Parameter_"):
 
 @dataclass
 class ParameterResult(IdlStruct, typename="rcl_interfaces::msg::dds_::SetParametersResult_"):
-    """What became of one of them."""
+    """Result for one parameter."""
 
     successful: bool
     reason: str
@@ -153,7 +153,7 @@ class ParameterResult(IdlStruct, typename="rcl_interfaces::msg::dds_::SetParamet
 
 @dataclass
 class SetParametersRequest(IdlStruct, typename="rcl_interfaces::srv::dds_::SetParameters_Request_"):
-    """Values to be set, each on its own."""
+    """Values to be set, each independently."""
 
     client: types.uint64
     number: types.int64
@@ -164,14 +164,14 @@ class SetParametersRequest(IdlStruct, typename="rcl_interfaces::srv::dds_::SetPa
 class SetParametersResponse(
     IdlStruct, typename="rcl_interfaces::srv::dds_::SetParameters_Response_"
 ):
-    """What became of each, in the same order."""
+    """Result for each parameter, in the same order."""
 
     client: types.uint64
     number: types.int64
     results: types.sequence[ParameterResult]
 
 
-# Of the message definitions as REP 2016 has them ("RIHS01"): endpoints announce them.
+# Of the message definitions, calculated by REP 2016 ("RIHS01"): endpoints announce them.
 HASHES: dict[type[IdlStruct], str] = {
     DiagnosticArray: "5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e",
     JointState: "a13ee3a330e346c9d87b5aa18d24e11690752bd33a0350f11c5882bc9179260e",
@@ -187,13 +187,13 @@ HASHES: dict[type[IdlStruct], str] = {
 
 
 def ros_name(message: type[IdlStruct]) -> str:
-    """Return the name that ROS has for a type: ``std_msgs/msg/Bool``."""
+    """Return the name of a type in ROS: ``std_msgs/msg/Bool``."""
     name = str(message.__idl_typename__)
     return name.replace("::dds_", "").replace("::", "/").removesuffix("_")
 
 
 def definition(message: type[IdlStruct]) -> str:
-    """Return the definition of a message with those that it holds, as a recording has it."""
+    """Return the definition of a message including nested ones, as in a recording."""
     parts: dict[str, str] = {}
     _define(message, parts)
     first, *others = parts
@@ -215,7 +215,7 @@ def _define(message: type[IdlStruct], parts: dict[str, str]) -> None:
 
 
 def _field(hint: object) -> tuple[str, type[IdlStruct] | None]:
-    """Return the word of a type in a definition, and the message that it is or holds."""
+    """Return the word of a type in a definition, and the message type in it, if any."""
     if get_origin(hint) is Annotated:
         said = get_args(hint)[1]
         if isinstance(said, types.sequence):

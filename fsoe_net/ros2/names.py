@@ -1,4 +1,4 @@
-"""Names of a plan as legal names of ROS 2 (REP 144, "Topic and Service name mapping to DDS")."""
+"""Converts names of a plan to names of ROS 2 (REP 144, "Topic and Service name mapping to DDS")."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ _OBJECT = re.compile(r"0x([0-9a-fA-F]{4})(?::([0-9a-fA-F]{2}))?")
 
 
 def legal_token(name: str) -> str:
-    """Return a part of a topic: letters, digits and single underscores, no digit in front.
+    """Return a part of a topic: letters, digits and single underscores, no leading digit.
 
-    ``0x6064:00`` becomes ``object_6064_00``. No token begins with an underscore: ROS hides those.
+    ``0x6064:00`` becomes ``object_6064_00``. No token begins with an underscore, because ROS hides
+    such names.
     """
     found = _OBJECT.fullmatch(name)
     if found is not None:
@@ -25,10 +26,10 @@ def legal_token(name: str) -> str:
 
 
 def is_node_name(text: str) -> bool:
-    """Return whether ROS takes it as the name of a node."""
+    """Return whether ROS accepts it as the name of a node."""
     return legal_token(text) == text
 
 
 def legal_text(text: str) -> str:
-    """Return a text as a string of a message can hold it: no control characters, no NUL."""
+    """Return a text that is valid in a string of a message: no control characters, no NUL."""
     return printable(text).encode("utf-8", "replace").decode("utf-8")

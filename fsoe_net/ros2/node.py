@@ -1,7 +1,8 @@
-"""A node of ROS 2 as DDS sees it: topics and services with the names, types and QoS of an rmw.
+"""A node of ROS 2 on DDS: topics and services with the names, types and QoS of an rmw.
 
-Needs ``cyclonedds``. Says nothing in ``ros_discovery_info``, whose message is another one in Humble
-than in later distributions: `ros2 topic` and `ros2 service` find everything, `ros2 node` does not.
+Needs ``cyclonedds``. Does not publish ``ros_discovery_info``, because its message differs between
+Humble and later distributions. Therefore `ros2 topic` and `ros2 service` find everything, but `ros2
+node` does not.
 """
 
 from __future__ import annotations
@@ -34,40 +35,40 @@ HERE = """<CycloneDDS><Domain Id="any">
 <Peers><Peer address="127.0.0.1"/></Peers></Discovery></Domain></CycloneDDS>"""
 _DEPTH = 10  # of rmw_qos_profile_default and rmw_qos_profile_services_default
 _FOUND_S = 1.0
-_MOST_CHANGES = 10_000  # publishers that came or went, handled at a time
+_MOST_CHANGES = 10_000  # publishers that appeared or disappeared, handled at a time
 _OURS = "fsoe_net"  # name of each writer
-_MOST_UNREADABLE = 1000  # one after the other; then others have their turn
+_MOST_UNREADABLE = 1000  # in a row; then other readers are served
 _WAIT = duration(milliseconds=100)
-# `cyclonedds` converts the QoS of an endpoint in buffers that all threads of a process share.
+# `cyclonedds` converts the QoS of an endpoint in buffers shared by all threads of a process.
 _conversion = threading.Lock()
 
 _T = TypeVar("_T")
 Received = Callable[[Any, str], None]
-"""Gets a message, and a text that identifies the process that sent it."""
+"""Receives a message, and a text that identifies the process that sent it."""
 
 
 def header() -> Header:
-    """Return a header of now."""
+    """Return a header with the current time."""
     seconds, nanoseconds = divmod(time.time_ns(), 1_000_000_000)
     return Header(stamp=Stamp(sec=seconds, nanosec=nanoseconds))
 
 
 class _Arrived(Listener):
-    """Puts a reader into a queue when it has something."""
+    """Puts a reader into a queue when it has data."""
 
     def __init__(self, arrivals: queue.SimpleQueue[DataReader | None]) -> None:
         super().__init__()
         self._arrivals = arrivals
 
     def on_data_available(self, reader: DataReader | None) -> None:
-        if reader is not None:  # it is while its constructor has not come back
+        if reader is not None:  # None until its constructor has returned
             self._arrivals.put(reader)
 
 
 class Node:
-    """Publishers, subscriptions and services of one participant; to be closed.
+    """Publishers, subscriptions and services of one participant; must be closed.
 
-    Messages are handled by a separate thread, one after the other.
+    Messages are handled by a separate thread, one after another.
 
     Args:
         domain: Domain ID, 0 to 232.
@@ -91,7 +92,7 @@ class Node:
                 "and what does CYCLONEDDS_URI say?"
             ) from exc
         self._offers = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)
-        self._others: dict[UUID, str] = {}  # topic of each publisher that is not of fsoe-net
+        self._others: dict[UUID, str] = {}  # topic of each foreign publisher
         self._writers: dict[str, DataWriter] = {}
         self._readers: dict[object, Received] = {}
         self._arrivals: queue.SimpleQueue[DataReader | None] = queue.SimpleQueue()
@@ -109,11 +110,11 @@ class Node:
         del self._offers, self._participant, self._domain
 
     def publish(self, topic: str, message: IdlStruct) -> None:
-        """Publish a message; a subscriber that takes none for long misses it.
+        """Publish a message; a subscriber that has stopped reading misses it.
 
         Args:
-            topic: As ROS names it, with its slash.
-            message: Of a type in `HASHES`; the same one for a topic each time.
+            topic: Topic in ROS notation, with its slash.
+            message: Message with a type in `HASHES`; always the same type for a topic.
         """
         with self._lock:
             writer = self._writers.get(topic)
@@ -126,9 +127,9 @@ class Node:
                 self._recording.add(topic, message, payload, time.time_ns())
 
     def has_other_publisher(self, topic: str) -> bool:
-        """Return whether a program other than fsoe-net publishes a topic now."""
-        # Only what changed: each read of a row costs `cyclonedds` memory that it never gives back.
-        # One at a time: those that are taken with one that cannot be decoded would be lost with it.
+        """Return whether a program other than fsoe-net currently publishes a topic."""
+        # Only changes: each read of a row uses memory of `cyclonedds` that is never released. One
+        # at a time: rows taken together with an undecodable one would be lost.
         for _ in range(_MOST_CHANGES):
             rows = read_endpoints(lambda: self._offers.take(1))
             if rows is None:
@@ -145,7 +146,7 @@ class Node:
         return f"rt{topic}" in self._others.values()
 
     def subscribe(self, topic: str, message: type[IdlStruct], received: Received) -> object:
-        """Have messages handled as they come, the newest of a process that sends faster."""
+        """Handle messages as they arrive; of a fast sender, only the newest one."""
         return self._receive(f"rt{topic}", message, _qos(message, depth=1), received)
 
     def unsubscribe(self, reader: object) -> None:
@@ -158,14 +159,14 @@ class Node:
         types: tuple[type[IdlStruct], type[IdlStruct]],
         answer: Callable[[Any, str], tuple[Any, ...]],
     ) -> None:
-        """Serve requests to callers whose rmw is Cyclone DDS.
+        """Serve requests of callers whose rmw is Cyclone DDS.
 
         Args:
             name: Name of the service, with its slash.
             types: Types of a request and of its reply, in `HASHES`.
             answer: Executes the request of a process and returns the fields of the reply.
         """
-        # A caller waits until a reader and a writer have the same mark: who serves, and a number.
+        # A caller waits until a reader and a writer have the same mark: the server and a number.
         number = len(self._readers).to_bytes(4, "big")
         mark = ".".join(f"{b:x}" for b in self._participant.guid.bytes[:12] + number)
         mark = f"serviceid={mark};"
@@ -193,7 +194,7 @@ class Node:
             listener=self._listener,
         )
         self._readers[reader] = received
-        self._arrivals.put(reader)  # messages may have come before it stood there
+        self._arrivals.put(reader)  # messages may have arrived before it was stored
         return reader
 
     def _serve(self) -> None:
@@ -206,33 +207,33 @@ class Node:
                     received(message, _sender(reader, message))
 
     def _next(self, reader: DataReader) -> Any:
-        """Return the next message that can be read, or ``None``; others are counted."""
+        """Return the next readable message, or ``None``; unreadable ones are counted."""
         for _ in range(_MOST_UNREADABLE):
             try:
                 return next(iter(reader.take(1)), None)
-            except Exception:  # whatever bytes of the network do to its decoder
+            except Exception:  # arbitrary bytes of the network can break its decoder
                 self.unreadable += 1
         return None
 
 
 def read_endpoints(read: Callable[[], _T]) -> _T | None:
-    """Return what a function reads of other endpoints, or ``None`` where it cannot be decoded."""
+    """Return data that a function reads about endpoints, or ``None`` if they cannot be decoded."""
     with _conversion:
         try:
             return read()
-        except Exception:  # whatever bytes of the network do to the decoder of a QoS
+        except Exception:  # arbitrary bytes of the network can break the decoder of a QoS
             return None
 
 
 def _sender(reader: DataReader, message: IdlStruct) -> str:
-    """Return who sent it: its participant, and where that has gone already, its publisher."""
+    """Return the sender: its participant, or its publisher if the participant has left."""
     handle = message.sample_info.publication_handle
     found = read_endpoints(lambda: reader.get_matched_publication_data(handle))
     return str(handle if found is None else found.participant_key)
 
 
 def _wait_for_reader(writer: DataWriter, participant: str) -> None:
-    """Wait until the caller's reader is known: its writer may have been found before it."""
+    """Wait until the caller's reader is known: its writer may have been found first."""
     until = time.monotonic() + _FOUND_S
     while time.monotonic() < until:
         handles = writer.get_matched_subscriptions()

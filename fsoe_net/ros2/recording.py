@@ -1,4 +1,4 @@
-"""What is published as an MCAP file, which Foxglove, PlotJuggler and ``ros2 bag`` open."""
+"""Records published messages as an MCAP file, for Foxglove, PlotJuggler and ``ros2 bag``."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from mcap.writer import CompressionType, Writer
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.ros2.messages import HASHES, definition, ros_name
 
-_CHUNK = 1 << 16  # what is lost at most when this process is killed, bytes
+_CHUNK = 1 << 16  # maximum loss if this process is killed, bytes
 
 
 class McapFile:
-    """An MCAP file that is being written; to be closed.
+    """An MCAP file that is being written; must be closed.
 
     Args:
-        path: Of the file, which is replaced.
+        path: Path of the file, which is replaced.
 
     Raises:
-        EnvironmentFault: It cannot be written.
+        EnvironmentFault: The file cannot be written.
     """
 
     def __init__(self, path: str) -> None:
@@ -34,13 +34,13 @@ class McapFile:
         self._channels: dict[str, int] = {}
 
     def add(self, topic: str, message: IdlStruct, payload: bytes, time_ns: int) -> None:
-        """Add a message that was published.
+        """Add a published message.
 
         Args:
             topic: Topic with its slash.
-            message: Gives the type.
-            payload: Its bytes with the encapsulation, as they were sent.
-            time_ns: Since 1970, UTC.
+            message: Message that determines the type.
+            payload: Its bytes with the encapsulation, as sent.
+            time_ns: Time since 1970, UTC.
 
         A full disk ends the recording, which `check` reports.
         """
@@ -56,7 +56,7 @@ class McapFile:
         self.messages += 1
 
     def check(self) -> None:
-        """Raise the error that ended it.
+        """Raise the error that ended the recording.
 
         Raises:
             EnvironmentFault: Disk full.

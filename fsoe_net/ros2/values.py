@@ -15,7 +15,7 @@ from fsoe_net.model.drives import AXIS_STEP, MOST_AXES
 from fsoe_net.model.names import Names
 from fsoe_net.ros2.names import legal_token
 
-# Actual values of CiA 402 (IEC 61800-7-201), and the driver's names of the same.
+# Actual values of CiA 402 (IEC 61800-7-201), and their names in the driver.
 _PARTS = {"position": 0x6064, "velocity": 0x606C, "effort": 0x6077}
 
 
@@ -41,7 +41,7 @@ class Joint:
 
 
 class SignalKind(enum.Enum):
-    """Type of the message that holds a value: a message of ``std_msgs``."""
+    """Type of the message for a value: a message of ``std_msgs``."""
 
     BOOL = "Bool"
     SIGNED = "Int64"
@@ -49,7 +49,7 @@ class SignalKind(enum.Enum):
     REAL = "Float64"
 
     def python(self, value: Value) -> bool | int | float:
-        """Return a value as the message holds it."""
+        """Return a value in the type of the message."""
         if self is SignalKind.BOOL:
             return bool(value)
         if self is SignalKind.REAL:
@@ -57,7 +57,7 @@ class SignalKind(enum.Enum):
         return int(value or 0)
 
     def takes(self, value: float) -> bool:
-        """Whether a value of a parameter is one of this kind; whole numbers are real ones, too."""
+        """Whether a parameter value has this kind; integers are also valid reals."""
         if isinstance(value, bool) or self is SignalKind.BOOL:
             return isinstance(value, bool) and self is SignalKind.BOOL
         return self is SignalKind.REAL or isinstance(value, int)
@@ -81,8 +81,8 @@ def find_joints(symbols: Sequence[Symbol]) -> tuple[Joint, ...]:
     """Return the axes: devices with an actual position, by its object or by the driver's name.
 
     Axis n of a SubDevice has its objects 0x800 * n higher. An axis has the name of its SubDevice;
-    with several axes their number, from 1, is appended. Velocity and effort without a factor are
-    left out: sensor_msgs/JointState has SI units only.
+    with several axes, their number from 1 is appended. Velocity and effort without a factor are
+    omitted, because sensor_msgs/JointState has SI units only.
     """
     found: dict[str, list[dict[str, Symbol | None]]] = {}
     inputs: dict[str, list[Symbol]] = {}
@@ -92,8 +92,8 @@ def find_joints(symbols: Sequence[Symbol]) -> tuple[Joint, ...]:
     for subdevice, own in inputs.items():
         for axis in range(MOST_AXES):
             parts = {part: _part(own, part, axis) for part in _PARTS}
-            # Axes are numbered without gaps, so that the first one without a position ends the
-            # search.
+            # Axes are numbered without gaps, so the search ends at the first one without a
+            # position.
             if parts["position"] is None:
                 break
             found.setdefault(subdevice, []).append(parts)
