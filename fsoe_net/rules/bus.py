@@ -22,7 +22,7 @@ def check_bus(ctx: Context) -> None:
             _name_twice(ctx, sub, first)
         place = (sub.master_id, sub.alias, sub.position)
         there = places.setdefault(place, sub)
-        # The same module twice is one finding, not two.
+        # A duplicate module is one finding, not two.
         if there is not sub and not (same_name and there is first):
             _place_twice(ctx, sub, there)
         is_group = ctx.resolution.network.group_of(sub.name) is not None
@@ -62,7 +62,7 @@ def _buses(ctx: Context) -> None:
                 f"bus {bus.name} has no SubDevice",
                 hint="write its SubDevices here, or leave the bus out",
             )
-        # The first bus moves frames between buses; at a lower rate it would lose some.
+        # The first bus copies frames between buses; with a longer cycle it would lose some.
         if bus.cycle_ns is not None and lead.cycle_ns and bus.cycle_ns < lead.cycle_ns:
             ctx.add(
                 "FSN164",
@@ -141,7 +141,7 @@ def _optional_modules(ctx: Context) -> None:
             sub = end.subdevice
             if sub is None or sub.required or (sub.name, row.net_number) in seen:
                 continue
-            # Once for each SubDevice and net: ten transfers have the same cause.
+            # Once per SubDevice and net: ten transfers have the same cause.
             seen.add((sub.name, row.net_number))
             ctx.add(
                 "FSN230",

@@ -1,4 +1,4 @@
-"""All rules of a network, in their order."""
+"""Runs all rules of a network in their order."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ def check(resolution: Resolution, *, runtime: Runtime = Runtime.FSN) -> list[Dia
 
     Args:
         resolution: The network, resolved.
-        runtime: Adds rules that apply only to this runtime.
+        runtime: Adds the rules of this runtime.
     """
     ctx = Context(resolution=resolution)
-    # Order matters: a mistake is reported where it is made, and not again by later rules.
+    # The order matters: a mistake is reported at its origin, and not again by later rules.
     check_devices(ctx)
     check_drives(ctx)
     check_interfaces(ctx)

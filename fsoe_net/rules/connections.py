@@ -1,4 +1,4 @@
-"""FSN234 … FSN239: connections as the user writes them, and why they mean no frames."""
+"""FSN234 … FSN239: connections as written by the user, and why they have no frames."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ def check_connections(ctx: Context) -> None:
     """Check the `connections` of the nets, except for the values."""
     for net in ctx.resolution.network.nets:
         for fact in net.connections:
-            # Reported even if all else fits: an unconfirmed connection must never reach a plan.
+            # Reported even if everything else matches: an unconfirmed connection must never reach a
+            # plan.
             if fact.unconfirmed is not None:
                 why = f" ({fact.unconfirmed})" if fact.unconfirmed else ""
                 ctx.add(
@@ -35,7 +36,7 @@ def check_connections(ctx: Context) -> None:
         if device in ctx.exchanged | ctx.unassigned
     }
     for trouble in ctx.resolution.troubles:
-        # The PDOs of such a device are another finding, and its frames follow from them.
+        # The PDOs of such a device have another finding, and its frames depend on them.
         if not suspects & {trouble.facts.main, trouble.facts.sub}:
             _say(ctx, trouble)
 
@@ -90,7 +91,7 @@ def _module(ctx: Context, trouble: NotExpanded) -> None:
         )
         return
     if any(d.code == "FSN134" for d in ctx.diagnostics):
-        return  # a name used twice is missing elsewhere
+        return  # a duplicate name is a missing name elsewhere
     hint = ctx.name_hint(ctx.nearest_names(trouble.name))
     ctx.add("FSN201", span, f"no module is named {trouble.name!r}", hint=hint)
 
@@ -105,14 +106,14 @@ def _main(ctx: Context, trouble: NotExpanded) -> None:
             hint="main holds the MainInstance, sub the SubInstance",
         )
         return
-    # The MainInstance of the net is on the other side: exchanged ends are the usual mistake.
+    # The MainInstance of the net is on the other side: usually the ends are exchanged.
     if facts.sub == trouble.name:
         hint = "main and sub look exchanged; slot then counts the frames of the other device"
     else:
         hint = f"write main: {trouble.name}, or put it into the net of its own safety master"
     said = trouble.other
     key = "main"
-    # The place where the MainInstance was stated, for the reader to decide which one is wrong.
+    # The place where the MainInstance was stated; the reader decides which one is wrong.
     if isinstance(said, Net):
         key = "transfer_master" if "transfer_master" in said.fields else "safety_master"
     ctx.add(
@@ -195,7 +196,7 @@ def _lengths(ctx: Context, trouble: NotExpanded) -> None:
         )
     elif len(ours) == 1:
         message += f"; no slot of {facts.sub} fits that"
-    # The sizes may fit another slot, which is the most frequent correction.
+    # The sizes may match another slot, which is the most frequent correction.
     fitting = [
         str(p.slot) for p in trouble.pairs if p.matched and any(p.fits(other) for other in theirs)
     ]

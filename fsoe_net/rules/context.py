@@ -1,4 +1,4 @@
-"""What every rule is given, and the shorthand for adding a finding."""
+"""The context of every rule, and a shorthand for adding a finding."""
 
 from __future__ import annotations
 
@@ -15,17 +15,16 @@ from fsoe_net.model.transfer_ends import ResolvedEnd, ResolvedTransfer
 ACCEPTED = "; after a change: calculate the reaction times again, accept again"
 """End of a hint about a change of the accepted configuration."""
 SECURED = "secure the machine, then "
-"""Begin of a hint that sends hands to a device or a cable."""
+"""Beginning of a hint to work on a device or a cable."""
 
 
 @dataclass(slots=True, kw_only=True)
 class Context(FindingList):
     """One run of the rules over one network.
 
-    The sets keep one mistake from being named twice: module pairs that already have an error,
-    devices whose PDO groups are exchanged or on no sync manager, nets of which a part is unknown,
-    each by its number.
-    ``name_twice`` is set with FSN134.
+    The sets prevent that one mistake is reported twice: module pairs that already have an error,
+    devices whose PDO groups are exchanged or on no sync manager, nets with an unknown part, each by
+    its number. ``name_twice`` is set with FSN134.
     """
 
     resolution: Resolution
@@ -62,13 +61,13 @@ class Context(FindingList):
         return self._guesses.of(name)
 
     def name_hint(self, meant: Sequence[str]) -> str:
-        """Return the hint for an unknown name: similar names, else all valid names."""
+        """Return the hint for an unknown name: similar names, or else all valid names."""
         if meant:
             return f"write {one_of(meant)}"
         return f"known: {few(sorted(self.names), 20) or 'none'}"
 
     def used_blocks(self) -> set[tuple[str, tuple[int, int]]]:
-        """Return (SubDevice, frame) of every frame that a transfer means; gathered once."""
+        """Return (SubDevice, frame) of every frame that a transfer uses; calculated once."""
         if self._used is None:
             self._used = {
                 (end.subdevice.name, end.block.key)
@@ -79,11 +78,11 @@ class Context(FindingList):
         return self._used
 
     def blame(self, row: ResolvedTransfer) -> None:
-        """Remember that the two modules of a transfer already have an error of their own."""
+        """Record that the two modules of a transfer already have their own error."""
         self.blamed_pairs.add(module_pair(row))
 
     def is_blamed(self, row: ResolvedTransfer) -> bool:
-        """Whether the two modules of a transfer already have an error of their own."""
+        """Whether the two modules of a transfer already have their own error."""
         return bool(self.blamed_pairs) and module_pair(row) in self.blamed_pairs
 
     def is_exchanged(self, end: ResolvedEnd) -> bool:
@@ -102,12 +101,12 @@ class Context(FindingList):
 
 
 def module_pair(row: ResolvedTransfer) -> frozenset[str]:
-    """Return the names of the two modules a transfer joins."""
+    """Return the names of the two modules that a transfer connects."""
     return frozenset((row.transfer.source.module, row.transfer.destination.module))
 
 
 def describe_sm(sm: SmLayout) -> str:
-    """``SM2, MainDevice to SubDevice``."""
+    """Return ``SM2, MainDevice to SubDevice``."""
     way = (
         "MainDevice to SubDevice"
         if sm.sm.direction.value == "output"
@@ -117,7 +116,7 @@ def describe_sm(sm: SmLayout) -> str:
 
 
 def describe_end(end: ResolvedEnd) -> str:
-    """``el1918 0x7080:01 is in RxPDO 0x1600 (SM2, MainDevice to SubDevice)``."""
+    """Return ``el1918 0x7080:01 is in RxPDO 0x1600 (SM2, MainDevice to SubDevice)``."""
     if end.sm is None or end.placed is None:
         return str(end.endpoint)
     group = "RxPDO" if end.sm.sm.carries == "rpdo" else "TxPDO"
@@ -130,11 +129,11 @@ def touched_bytes(end: ResolvedEnd, size_bytes: int) -> tuple[int, int]:
 
 
 def few(names: list[str], limit: int = 6) -> str:
-    """Return the first names of a list, and how many more there are."""
+    """Return the first names of a list, and the number of further ones."""
     more = len(names) - limit
     return ", ".join(names[:limit]) + (f" and {more} more" if more > 0 else "")
 
 
 def block_text(module: str, block: FsoeBlock) -> str:
-    """``ek1914 0x7000:01``."""
+    """Return ``ek1914 0x7000:01``."""
     return f"{module} {block.command.address}"

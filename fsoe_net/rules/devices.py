@@ -13,7 +13,7 @@ from fsoe_net.rules.context import Context, describe_sm
 # 1500 bytes of Ethernet payload, less 2 of the EtherCAT header and 12 of the datagram.
 MAX_DATAGRAM_BYTES = 1486
 _MAX_SYNC_MANAGERS = 16
-_PROFILE_AREA = 0x6000  # below it stand objects of the manufacturer, some mapped as padding
+_PROFILE_AREA = 0x6000  # below it are objects of the manufacturer, some mapped as padding
 
 
 def check_devices(ctx: Context) -> None:
@@ -27,7 +27,7 @@ def check_devices(ctx: Context) -> None:
             _defaults(ctx, sm)
             _sync_manager_size(ctx, sm, sub)
         _entries_twice(ctx, device.layout)
-        if number not in ctx.exchanged:  # FSN401 has named the cause
+        if number not in ctx.exchanged:  # FSN401 has reported the cause
             _frame_objects(ctx, device.layout)
             _interfaces(ctx, device)
     _image_size(ctx)
@@ -91,8 +91,8 @@ def _sync_managers(ctx: Context, number: int, device: Device) -> None:
         # RxPDOs are outputs of the MainDevice, TxPDOs its inputs.
         wanted = {"rpdo": Direction.OUTPUT, "tpdo": Direction.INPUT}.get(sm.carries or "")
         if wanted is not None and wanted is not sm.direction:
-            # Frames of such a device have the wrong direction; findings about them would only
-            # follow.
+            # Frames of such a device have the wrong direction; findings about them would be
+            # consequences.
             ctx.exchanged.add(number)
             ctx.add(
                 "FSN410",
@@ -168,7 +168,7 @@ def _mask(ctx: Context, placed: Placed) -> None:
     shift = placed.bit_offset % 8
     bits = (((1 << entry.bits) - 1) << shift) & 0xFF
     mask = 0xFF if entry.mask is None else entry.mask
-    # A bool needs exactly its bit; a wider type may use a part of its bits.
+    # A bool needs exactly its bit; a wider type may use some of its bits.
     good = mask == bits if entry.bits == 1 else mask != 0 and mask & ~bits == 0
     if good:
         return
@@ -183,7 +183,7 @@ def _mask(ctx: Context, placed: Placed) -> None:
 
 
 def _sync_manager_size(ctx: Context, sm: SmLayout, sub: SubDevice) -> None:
-    # Only where frames exist: other devices may end inside a byte.
+    # Only for devices with frames: other devices may end within a byte.
     if sm.blocks and sm.complete and sm.bits % 8:
         over = sm.bits % 8
         ctx.add(
@@ -244,12 +244,12 @@ def _entries_twice(ctx: Context, layout: DeviceLayout) -> None:
 
 
 def _mapped_twice(ctx: Context, rows: list[tuple[Placed, Placed]]) -> None:
-    """FSN408 for entries of one PDO that another, or the same, has: once for a PDO as a whole."""
+    """FSN408 for entries of one PDO that occur twice, in it or another: once for a whole PDO."""
     here, there = rows[0][0].pdo, rows[0][1].pdo
     # PDOs of the same number are reported by another rule.
     if here is not there and here.index == there.index:
-        return  # FSN407 has named the PDO
-    # A PDO whose entries are all known is one mistake, not one for each entry.
+        return  # FSN407 has reported the PDO
+    # If all entries of a PDO are duplicates, that is one mistake, not one per entry.
     if here is not there and len(rows) == sum(not e.is_gap for e in here.entries) > 1:
         ctx.add(
             "FSN408",
@@ -271,7 +271,7 @@ def _mapped_twice(ctx: Context, rows: list[tuple[Placed, Placed]]) -> None:
 
 
 def _frame_objects(ctx: Context, layout: DeviceLayout) -> None:
-    """FSN424: a device sends 0x6nnn objects and receives 0x7nnn, when it has both."""
+    """FSN424: a device sends 0x6nnn objects and receives 0x7nnn, if it has both."""
     commands: dict[Direction, list[Entry]] = {Direction.OUTPUT: [], Direction.INPUT: []}
     for sm in layout.managers:
         for block in sm.blocks:
@@ -279,7 +279,7 @@ def _frame_objects(ctx: Context, layout: DeviceLayout) -> None:
     taken, sent = commands[Direction.OUTPUT], commands[Direction.INPUT]
     if not taken or not sent:
         return
-    # Both exchanged: a single one may be a device with objects of its own.
+    # Both exchanged: a single one may be a device with other objects.
     if all(e.index >> 12 == 6 for e in taken) and all(e.index >> 12 == 7 for e in sent):
         ctx.add(
             "FSN424",
@@ -298,7 +298,7 @@ def _interfaces(ctx: Context, device: Device) -> None:
     ):
         for pdo in pdos:
             for entry in pdo.entries:
-                # also an empty command of an input ends the driver
+                # even an empty command of an input stops the driver
                 empty = group == "tpdo" and key in entry.fields
                 if getattr(entry, key) is None and not empty:
                     continue
@@ -314,12 +314,12 @@ def _interfaces(ctx: Context, device: Device) -> None:
 
 
 def _defaults(ctx: Context, sm: SmLayout) -> None:
-    """FSN450: an output not written by every driver. Memory starts as 0, so 0 is excluded."""
+    """FSN450: an output that not every driver writes, unless its default is 0."""
     if sm.sm.direction is not Direction.OUTPUT:
         return
     for placed in sm.placed:
         entry = placed.entry
-        # A default of 0 has no effect: the memory starts with 0.
+        # A default of 0 has no effect, because the memory starts with 0.
         if not entry.default or {"command_interface", "data_mapping"} & set(entry.fields):
             continue
         if entry.is_gap or sm.block_at(placed.bit_offset) is not None or _by_drive_plugin(entry):

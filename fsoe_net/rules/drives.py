@@ -16,7 +16,7 @@ from fsoe_net.rules.context import Context
 _STATUSWORD = 0x6041
 _MODE_DISPLAY = 0x6061
 _TARGET_POSITION, _ACTUAL_POSITION = 0x607A, 0x6064
-# Cyclic modes: name, and the target that comes with each cycle.
+# Cyclic modes: name, and the target sent in each cycle.
 _CYCLIC = {
     8: ("cyclic synchronous position", _TARGET_POSITION),
     9: ("cyclic synchronous velocity", 0x60FF),
@@ -26,7 +26,7 @@ _CYCLIC = {
 
 @dataclass(frozen=True, slots=True)
 class _Axis:
-    """An axis of a device, its entries by the object that axis 0 would have."""
+    """An axis of a device, with its entries by the objects of axis 0."""
 
     device: Device
     base: int
@@ -37,9 +37,9 @@ class _Axis:
         return f"0x{index + self.base:04x}"
 
     def mode(self) -> tuple[int, Span] | None:
-        """Return the mode of operation that the file states, and where."""
+        """Return the mode of operation stated in the file, and its place."""
         entry = self.outputs.get(MODE_OF_OPERATION)
-        # Only a mode that does not change at run time can be relied on.
+        # Only a mode that does not change at run time is reliable.
         if entry is not None and entry.command_interface is None and _is_fixed(entry):
             return int(entry.default or 0), entry.at("default")
         # Without a fixed output, a start-up SDO may set the mode.
@@ -64,7 +64,7 @@ def _entries(placed: Mapping[int, tuple[int, Placed]]) -> dict[int, Entry]:
 
 
 def _is_fixed(entry: Entry) -> bool:
-    """Whether a value stated in the file is sent; ``.nan`` means none."""
+    """Whether a value in the file is sent; ``.nan`` means none."""
     return entry.default is not None and math.isfinite(entry.default)
 
 

@@ -1,4 +1,4 @@
-"""What each of the user's present runtimes does today with a mistake."""
+"""How each of the current runtimes of users handles a mistake today."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ _ROS2_EFFECT = {
     "FSN601": "starts; the FSoE watchdog expires without any fault",
 }
 
-# Where a version differs from the rest.
+# Versions that differ from the others.
 _VERSION_EFFECT: dict[Runtime, dict[str, str]] = {
     Runtime.ROS2_2025: {
         "FSN450": "does not read the default; the output stays 0",

@@ -1,4 +1,4 @@
-"""Entries of a PDO as two sides have them, for rules that compare."""
+"""Entries of a PDO on two sides, for rules that compare."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from fsoe_net.rules.context import few
 
 @dataclass(frozen=True, slots=True)
 class Item:
-    """An entry as both sides are compared: padding that stands side by side is one."""
+    """An entry for comparison: adjacent padding is one entry."""
 
     index: int
     subindex: int
@@ -23,7 +23,7 @@ class Item:
 
     @property
     def key(self) -> tuple[int, int, int]:
-        """What has to agree."""
+        """The values that must match."""
         return (self.index, self.subindex, self.bits)
 
     def __str__(self) -> str:
@@ -36,7 +36,7 @@ class Item:
 
 
 def items_of(entries: Sequence[Entry] | Sequence[ScannedEntry]) -> list[Item]:
-    """Return entries with the padding between them put together."""
+    """Return entries with adjacent padding combined."""
     items: list[Item] = []
     for e in entries:
         # Tools split padding in different ways; only its length matters.
@@ -50,7 +50,7 @@ def items_of(entries: Sequence[Entry] | Sequence[ScannedEntry]) -> list[Item]:
 def first_difference(
     pdo: Pdo, there: Sequence[Entry] | Sequence[ScannedEntry]
 ) -> tuple[int, Span, str, str] | None:
-    """Return number, place and both sides of the first entry that differs."""
+    """Return number, place and both sides of the first differing entry."""
     ours, theirs = items_of(pdo.entries), items_of(there)
     # The longer list decides: a missing entry is a difference.
     for number in range(max(len(ours), len(theirs))):
@@ -63,7 +63,7 @@ def first_difference(
 
 
 def listed(indices: list[int]) -> str:
-    """``0x1600, 0x1601``."""
+    """Return ``0x1600, 0x1601``."""
     return few([f"0x{i:04x}" for i in indices], 8) or "no PDO"
 
 

@@ -1,4 +1,4 @@
-"""FSN208 … FSN214, FSN222, FSN233, FSN307: do the bytes a transfer moves make one whole frame?"""
+"""FSN208 … FSN214, FSN222, FSN233, FSN307: whether a transfer copies exactly one frame."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def _one(ctx: Context, row: ResolvedTransfer) -> None:
         starts = [_start(ctx, row, end) for end in (row.source, row.destination)]
         if all(starts):
             _sizes(ctx, row)
-    # Only without other findings: a wrong length overwrites entries as its consequence.
+    # Only without other findings: a wrong length overwrites entries as a consequence.
     if len(ctx.diagnostics) == before or all(d.code == "FSN307" for d in ctx.diagnostics[before:]):
         _overwritten(ctx, row)  # the effect of a wrong length is not a separate finding
 
@@ -56,7 +56,7 @@ def _right_size(row: ResolvedTransfer) -> str:
 
 
 def _size_alone(ctx: Context, row: ResolvedTransfer) -> None:
-    """FSN208 for a size that no FSoE frame has, even when an end is unknown."""
+    """FSN208 for a size that no FSoE frame has, even if an end is unknown."""
     size = row.transfer.size_bytes
     fsoe = row.transfer.kind is TransferKind.FSOE
     if fsoe and not is_frame_length(size):
@@ -75,7 +75,7 @@ def _near_lengths(size: int) -> str:
 
 
 def _start(ctx: Context, row: ResolvedTransfer, end: ResolvedEnd) -> bool:
-    """Return whether the end starts a frame, or evidence against it is missing."""
+    """Return whether the end starts a frame, or there is no evidence against it."""
     if end.sm is None or end.placed is None:
         return False
     block = end.block
@@ -94,10 +94,10 @@ def _start(ctx: Context, row: ResolvedTransfer, end: ResolvedEnd) -> bool:
 
 
 def _unrecognised(ctx: Context, row: ResolvedTransfer, end: ResolvedEnd, sm: SmLayout) -> bool:
-    """Handle an end where no frame structure was found: is it a mistake or only unusual?"""
+    """Handle an end without a recognised frame: is it a mistake or only unusual?"""
     endpoint, size = end.endpoint, row.transfer.size_bytes
     blocks = _blocks_of(end, sm.sm.direction)
-    # A frame that no transfer uses is the most probable meaning.
+    # A frame that no transfer uses is the most probable intention.
     free = [b for b in blocks if not _is_used(ctx, end, b)]
     intruder = _intruder(end, sm, size)
     # A command is one byte: any other entry cannot start a frame.
@@ -132,7 +132,7 @@ def _unrecognised(ctx: Context, row: ResolvedTransfer, end: ResolvedEnd, sm: SmL
 
 
 def _is_used(ctx: Context, end: ResolvedEnd, block: FsoeBlock) -> bool:
-    """Whether another transfer means this frame of the same SubDevice."""
+    """Whether another transfer uses this frame of the same SubDevice."""
     return end.subdevice is not None and (end.subdevice.name, block.key) in ctx.used_blocks()
 
 
@@ -143,8 +143,8 @@ def _blocks_of(end: ResolvedEnd, direction: Direction) -> list[FsoeBlock]:
 
 
 def _intruder(end: ResolvedEnd, sm: SmLayout, size: int) -> str | None:
-    """Report the object at the place of a CRC or connection ID, if it resembles a frame."""
-    # Without a legal length there is no place to look for a CRC.
+    """Return the object at the place of a CRC or connection ID, if the rest resembles a frame."""
+    # Without a valid length there is no place to look for a CRC.
     if end.placed is None or not is_frame_length(size):
         return None
     entry, base = end.placed.entry, end.placed.bit_offset
@@ -152,7 +152,7 @@ def _intruder(end: ResolvedEnd, sm: SmLayout, size: int) -> str | None:
     expected = [(b, "CRC") for b in _crc_bytes(size)] + [(size - 2, "connection ID")]
     found = [starts.get(base + 8 * byte) for byte, _ in expected]
     good = [e is not None and e.bits == 16 and not e.is_gap for e in found]
-    # All words are in place: then one of them has a wrong index.
+    # All words are present, so one of them has a wrong index.
     if all(good):
         return _wrong_word([e for e in found if e is not None], entry.index)
     # Without another entry of the same object, this is not a frame at all.
@@ -173,7 +173,7 @@ def _crc_bytes(size: int) -> Sequence[int]:
 
 
 def _wrong_word(words: list[Entry], index: int) -> str | None:
-    """Say which of the words of a frame with this index is twice or of another index."""
+    """Return which word of a frame with this index is duplicated or has another index."""
     addresses = [e.address for e in words]
     repeated = [a for a in addresses if addresses.count(a) > 1]
     if repeated:
@@ -187,7 +187,7 @@ def _wrong_word(words: list[Entry], index: int) -> str | None:
 def _sizes(ctx: Context, row: ResolvedTransfer) -> None:
     source, destination = row.source.block, row.destination.block
     size = row.transfer.size_bytes
-    # With one known end, its length is the right one.
+    # If only one end is known, its length is the right one.
     if source is None or destination is None:
         known = source or destination
         if known is not None and size != known.frame_bytes:
@@ -214,7 +214,7 @@ def _sizes(ctx: Context, row: ResolvedTransfer) -> None:
 
 
 def _matching_block(ctx: Context, row: ResolvedTransfer, source: FsoeBlock) -> str:
-    """Name a free slot of the receiver that has the right length, if there is exactly one."""
+    """Return a free slot of the receiver with the right length, if there is exactly one."""
     fits = [
         b
         for b in _blocks_of(row.destination, Direction.OUTPUT)
@@ -266,7 +266,7 @@ def _entry_after(end: ResolvedEnd, frame_bytes: int) -> str:
 
 
 def _ends(ctx: Context, row: ResolvedTransfer) -> None:
-    """FSN209 against the end of the sync manager, when no frame bounds the copy."""
+    """FSN209 for the end of the sync manager, if no frame limits the copy."""
     size = row.transfer.size_bytes
     for end in (row.source, row.destination):
         if end.sm is None:
@@ -303,14 +303,14 @@ def _standard(ctx: Context, row: ResolvedTransfer, end: ResolvedEnd) -> bool:
 
 
 def _overwritten(ctx: Context, row: ResolvedTransfer) -> None:
-    """FSN214: entries inside the destination that the driver also writes."""
+    """FSN214: entries within the destination that the driver also writes."""
     end = row.destination
     if end.sm is None:
         return
     first, end_byte = touched_bytes(end, row.transfer.size_bytes)
     if end.block is not None:
-        end_byte = min(end_byte, end.block.end_byte)  # an excessive size is another finding
-    # Only entries that the driver writes: others stay as they were copied.
+        end_byte = min(end_byte, end.block.end_byte)  # an excessive size is a separate finding
+    # Only entries that the driver writes: others keep the copied value.
     for placed in end.sm.written:
         inside = placed.bit_offset < 8 * end_byte and 8 * first < placed.end_bit
         why = placed.entry.written_by

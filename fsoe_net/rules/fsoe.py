@@ -1,4 +1,4 @@
-"""FSN301 … FSN306, FSN425 and FSN601: the FSoE facts of the connections, and time."""
+"""FSN301 … FSN306, FSN425 and FSN601: the FSoE facts of the connections, and times."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from fsoe_net.model.bus import Direction, SubDevice, Watchdog
 from fsoe_net.model.network import Bus, ConnectionFacts, Net, NetworkConfig, TransferKind
 from fsoe_net.rules.context import Context, few
 
-# Bus cycles one FSoE cycle takes at best (two hops, each sampled by one and delivered by the next
-# frame), plus one for jitter: below that the watchdog expires without any fault.
+# Bus cycles of one FSoE cycle at best (two hops, each sampled by one frame and delivered by the
+# next), plus one for jitter: below that the watchdog expires without any fault.
 WATCHDOG_BUS_CYCLES = 5
 _TWINSAFE_DEFAULT_MS = 100
-_SM_WATCHDOG_MS = 100  # what every EtherCAT device starts with
+_SM_WATCHDOG_MS = 100  # the default of every EtherCAT device
 _MAX_APP_PARAMETER_BYTES = 256
 
 
@@ -37,13 +37,13 @@ def _unique(
     value_of: Callable[[ConnectionFacts], int | None],
 ) -> None:
     seen: dict[int, ConnectionFacts] = {}
-    # The first use is kept, so that a duplicate names it.
+    # The first use is kept, so that a duplicate can refer to it.
     for _, fact in stated:
         value = value_of(fact)
         if value is None:
             continue
         first = seen.setdefault(value, fact)
-        # A SubDevice has one FSoE address, also when it holds several connections.
+        # A SubDevice has one FSoE address, even if it has several connections.
         same_device = code == "FSN301" and first.sub == fact.sub
         if first is not fact and not same_device:
             ctx.add(
@@ -91,7 +91,7 @@ def _values(ctx: Context, fact: ConnectionFacts) -> None:
 def _timing(ctx: Context) -> None:
     network = ctx.resolution.network
     _sync_manager_watchdogs(ctx)
-    # Without a bus cycle there is nothing to compare a watchdog with.
+    # Without a bus cycle, a watchdog cannot be compared.
     if network.cycle_ns is None:
         return
     alone = (network.cycle_ns / 1e6,)
@@ -105,7 +105,7 @@ def _timing(ctx: Context) -> None:
         of_facts = dict(ways)
         for number, fact in enumerate(net.connections):
             _short_watchdog(ctx, fact, of_facts.get(number, alone))
-        # The slowest connection decides for the watchdog that all of the net share.
+        # The slowest connection decides about the watchdog shared by all in the net.
         slowest = max((cycles for _, cycles in ways), key=_least_ms, default=alone)
         _unstated_watchdogs(ctx, net, slowest)
 
@@ -124,10 +124,10 @@ def _short_watchdog(ctx: Context, fact: ConnectionFacts, cycles: Sequence[float]
 
 
 def _unstated_watchdogs(ctx: Context, net: Net, cycles: Sequence[float]) -> None:
-    """Compare the usual watchdog with the slowest connection of a net that states none."""
+    """Compare the usual watchdog with the slowest connection of a net without stated watchdogs."""
     unstated = not any(f.watchdog_ms for f in net.connections)
     has_fsoe = any(t.kind is TransferKind.FSOE for t in net.transfers)
-    # With one stated watchdog, the others are taken as chosen.
+    # If one watchdog is stated, the others count as chosen.
     if unstated and has_fsoe and _least_ms(cycles) > _TWINSAFE_DEFAULT_MS:
         most_ms = _TWINSAFE_DEFAULT_MS / WATCHDOG_BUS_CYCLES
         ctx.add(
@@ -145,7 +145,8 @@ def _least_ms(cycles: Sequence[float]) -> float:
     """Return the shortest watchdog, ms: an FSoE cycle at best, and a bus cycle for jitter.
 
     Args:
-        cycles: Of each bus on the way of a frame, ms. Both ends wait twice for their own bus.
+        cycles: Cycle of each bus on the path of a frame, ms. Both ends wait twice for their own
+            bus.
     """
     return 2 * (cycles[0] + cycles[-1]) + max(cycles)
 
@@ -158,7 +159,7 @@ def _least_words(cycles: Sequence[float]) -> str:
 
 
 def _sync_manager_watchdogs(ctx: Context) -> None:
-    """FSN425: SubDevices whose outputs need a frame more often than the bus cycle brings one."""
+    """FSN425: SubDevices whose outputs need frames more often than once per bus cycle."""
     network = ctx.resolution.network
     buses: Sequence[Bus | NetworkConfig] = network.buses or (network,)
     for number, bus in enumerate(buses):
@@ -166,7 +167,7 @@ def _sync_manager_watchdogs(ctx: Context) -> None:
         names = [
             sub.name
             for sub in network.subdevices
-            # Each bus has a cycle of its own.
+            # Each bus has its own cycle.
             if (not network.buses or sub.master_id == number) and _is_watched(sub)
         ]
         if names and cycle_ms >= _SM_WATCHDOG_MS:

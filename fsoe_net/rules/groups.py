@@ -20,10 +20,10 @@ def check_groups(ctx: Context) -> None:
     owners: dict[str, Group] = {}
     subs: dict[str, list[tuple[int, SubDevice]]] = {}
     for number, sub in enumerate(network.subdevices):
-        # A name that is used twice is reported elsewhere; both SubDevices count here.
+        # A duplicate name is reported elsewhere; both SubDevices count here.
         subs.setdefault(sub.name, []).append((number, sub))
-    own: dict[str, int] = {}  # the number of the group that a name is in
-    heads: dict[int, tuple[int, Group, SubDevice]] = {}  # the first group that an alias finds
+    own: dict[str, int] = {}  # the number of the group that contains a name
+    heads: dict[int, tuple[int, Group, SubDevice]] = {}  # the first group found by an alias
     for number, group in enumerate(network.groups):
         for name in group.subdevices:
             own.setdefault(name, number)
@@ -31,13 +31,13 @@ def check_groups(ctx: Context) -> None:
         _name(ctx, group, names)
         _members(ctx, group, owners)
         _order(ctx, group, rows)
-        # The first group with an alias finds it on the bus; a second one would be found by mistake.
+        # The first group with an alias is found on the bus; a second one would be found by mistake.
         if rows:
             heads.setdefault(rows[0][1].alias, (number, group, rows[0][1]))
     for sub in network.subdevices:
         found = heads.get(sub.alias) if sub.alias else None
-        # Positions after an alias are counted from it: the alias of a group must not be used
-        # outside.
+        # Positions after an alias count from it: the alias of a group must not be used outside of
+        # it.
         if found is not None and found[0] < own.get(sub.name, len(network.groups)):
             _foreign_alias(ctx, sub, *found[1:])
     _connections(ctx)
@@ -76,10 +76,10 @@ def _members(ctx: Context, group: Group, owners: dict[str, Group]) -> None:
 
 
 def _order(ctx: Context, group: Group, rows: list[tuple[int, SubDevice]]) -> None:
-    """The first is found by its alias, the others follow it, here and on the bus."""
+    """Check that the first one is found by its alias and the others follow, here and on the bus."""
     # A missing member shifts the numbers of all others.
     if not rows or len(rows) != len(group.subdevices):
-        return  # named already
+        return  # already reported
     first_number, first = rows[0]
     if not first.alias:
         ctx.add(
@@ -90,7 +90,7 @@ def _order(ctx: Context, group: Group, rows: list[tuple[int, SubDevice]]) -> Non
             "stores it in the device",
         )
         return
-    # The group is one piece of the bus: its members follow the first one.
+    # The group is one segment of the bus: its members follow the first one.
     for n, (number, sub) in enumerate(rows):
         if (number, sub.alias, sub.position) != (first_number + n, first.alias, n):
             ctx.add(
@@ -136,7 +136,7 @@ def _connections(ctx: Context) -> None:
     network = ctx.resolution.network
     for c in ctx.resolution.connections:
         main, sub = network.group_of(c.main.name), network.group_of(c.sub.name)
-        # A SubInstance that is absent with its own MainInstance is what a group is for.
+        # A group may contain a SubInstance with its own MainInstance.
         if main is None or main is sub:
             continue
         span = c.facts.span if c.facts is not None else c.net.span
@@ -164,7 +164,7 @@ def _transfers(ctx: Context) -> None:
     network = ctx.resolution.network
     for row in ctx.resolution.transfers:
         source, destination = row.source.subdevice, row.destination.subdevice
-        # FSoE handles an absent partner by itself; standard values do not.
+        # FSoE handles an absent partner by itself, but standard values do not.
         if source is None or destination is None or row.transfer.kind is TransferKind.FSOE:
             continue
         one, other = network.group_of(source.name), network.group_of(destination.name)

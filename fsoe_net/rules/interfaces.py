@@ -1,4 +1,4 @@
-"""FSN476: interfaces that a robot description has and no channel of its SubDevices provides."""
+"""FSN476: interfaces of a robot description that no channel of its SubDevices provides."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ _EFFECT = {"command": "commands to it have no effect", "state": "its value is ne
 
 
 def check_interfaces(ctx: Context) -> None:
-    """Check each component that only generic plugins serve; other plugins have their own names."""
+    """Check each component that uses only generic plugins; other plugins have their own names."""
     owners: dict[tuple[str, RobotComponent], list[SubDevice]] = {}
     for sub in ctx.resolution.network.subdevices:
         for component in sub.components:
             owners.setdefault((sub.system, component), []).append(sub)
     for (_, component), subs in owners.items():
         devices = [s.device for s in subs if s.plugin in _GENERIC and s.device is not None]
-        # Only if all SubDevices of a component use generic plugins: others add names of their own.
+        # Only if all SubDevices of a component use generic plugins: others add their own names.
         if len(devices) == len(subs):
             _component(ctx, component, subs, devices)
 
@@ -45,13 +45,13 @@ def _component(
             provided.setdefault(_OF_DRIVES, subs[0].span)
         for name, place in zip(names, places, strict=True):
             if name not in provided:
-                # Provided and not used: one of these is probably meant.
+                # Provided but not used: one of these is probably meant.
                 free = {n: s for n, s in provided.items() if n not in (*names, _OF_DRIVES)}
                 _missing(ctx, component, few([s.name for s in subs]), (side, name, place), free)
 
 
 def _provided(device: Device, side: str, component: str) -> Iterator[tuple[str, Span]]:
-    """Yield the interfaces of a side that the channels for a component have."""
+    """Yield the interfaces of a side that the channels of a component have."""
     key = f"{side}_interface"
     for pdo in device.rpdos if side == "command" else device.tpdos:
         for entry in pdo.entries:

@@ -26,7 +26,7 @@ def check_library(
     """
     out = FindingList()
     reported: set[str] = set()
-    # A device file with an error differs because of the error.
+    # A device file with an error differs because of that error.
     wrong = {d.span.file for d in found if d.level is not Severity.INFO}
     for _, device, sub in Context(resolution=resolution).devices():
         known = library.find(device.vendor_id, device.product_code)
@@ -42,10 +42,10 @@ def check_library(
 def _frames(
     out: FindingList, sub: SubDevice, layout: DeviceLayout, known: LibraryDevice
 ) -> LibraryMapping | None:
-    """FSN448; return the mapping that fits."""
+    """FSN448; return the matching mapping."""
     frames = _sizes((*b.key, b.frame_bytes) for sm in layout.managers for b in sm.blocks)
     fitting = [m for m in known.mappings if m.fits(sub.revision)]
-    # A layout that is not known completely cannot be compared.
+    # A partly known layout cannot be compared.
     if not frames or not fitting or not all(sm.complete for sm in layout.managers):
         return None
     mapping = next((m for m in fitting if _has(m, frames)), None)
@@ -73,7 +73,7 @@ def _has(mapping: LibraryMapping, frames: dict[int, list[int]]) -> bool:
 
 
 def _sizes(frames: Iterable[tuple[int, int, int]]) -> dict[int, list[int]]:
-    """Return lengths by sync manager. Where they are depends on PDOs that a user may choose."""
+    """Return lengths by sync manager. Positions depend on PDOs that a user may choose."""
     found: dict[int, list[int]] = {}
     for sm, _, size in sorted(frames):
         found.setdefault(sm, []).append(size)

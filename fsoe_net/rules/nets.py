@@ -1,4 +1,4 @@
-"""FSN204, FSN215, FSN218 … FSN232: do the transfers of a net make whole connections?"""
+"""FSN204, FSN215, FSN218 … FSN232: whether the transfers of a net form complete connections."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from fsoe_net.rules.transfer_ends import is_main_device
 
 
 def check_nets(ctx: Context) -> None:
-    """Check nets as wholes; runs after the single transfers so that one mistake is named once."""
+    """Check complete nets, after the single transfers, so that one mistake is reported once."""
     _destinations(ctx)
     _names(ctx)
     rows: dict[int, list[ResolvedTransfer]] = defaultdict(list)
@@ -35,7 +35,7 @@ def check_nets(ctx: Context) -> None:
             ctx.unsure_nets.add(number)
         _main_instance(ctx, number, net, rows[number])
     lonely = [
-        # Transfers of a net whose MainInstance is unknown cannot be paired.
+        # Without a known MainInstance, the transfers of a net cannot be paired.
         row
         for row in ctx.resolution.single
         if row.net_number not in ctx.unsure_nets and not ctx.is_blamed(row)
@@ -50,15 +50,15 @@ def check_nets(ctx: Context) -> None:
 
 
 def _destinations(ctx: Context) -> None:
-    """FSN204 by a sweep over all destinations of a sync manager."""
+    """FSN204, by a sweep over all destinations of a sync manager."""
     by_sm: dict[tuple[str, int], list[tuple[int, int, ResolvedTransfer]]] = defaultdict(list)
     for row in ctx.resolution.transfers:
         end = row.destination
         if not row.found or end.sm is None or end.subdevice is None:
             continue
-        # A transfer that is wrong by itself would overlap as a consequence.
+        # A transfer with its own error would overlap as a consequence.
         if ctx.is_blamed(row):
-            continue  # its length or place is wrong already
+            continue  # its length or place is already wrong
         first, end_byte = touched_bytes(end, row.transfer.size_bytes)
         by_sm[end.subdevice.name, end.sm.sm.index].append((first, end_byte, row))
     for group in by_sm.values():
@@ -68,7 +68,7 @@ def _destinations(ctx: Context) -> None:
         for first, end_byte, row in group:
             if first < reach:
                 _overlap(ctx, owner, row, min(reach, end_byte) - first)
-            # The one that reaches furthest can overlap the next ones as well.
+            # The one that extends furthest can also overlap the next ones.
             if end_byte > reach:
                 reach, owner = end_byte, row
 
@@ -91,7 +91,7 @@ def _overlap(ctx: Context, one: ResolvedTransfer, two: ResolvedTransfer, count: 
 
 
 def _other_slot(ctx: Context, row: ResolvedTransfer) -> str:
-    """Name an unused slot of the receiver with the required size."""
+    """Return an unused slot of the receiver with the required size."""
     used = ctx.used_blocks()
     end, source = row.destination, row.source.block
     if end.layout is None or end.subdevice is None:
@@ -121,7 +121,7 @@ def _names(ctx: Context) -> None:
 
 def _main_instance(ctx: Context, number: int, net: Net, rows: list[ResolvedTransfer]) -> None:
     used = sorted({m for row in rows for m in module_pair(row)})
-    # A misspelt master is one finding; each transfer of its net would be another one.
+    # A misspelt master is one finding, not one more for each transfer of its net.
     if net.safety_master is not None and net.safety_master not in ctx.names:
         _unknown_master(ctx, number, net, rows, used)
         return
@@ -142,17 +142,16 @@ def _main_instance(ctx: Context, number: int, net: Net, rows: list[ResolvedTrans
 def _foreign_rows(
     ctx: Context, number: int, net: Net, rows: list[ResolvedTransfer], main: str | None
 ) -> None:
-    """FSN219: transfers that do not touch the MainInstance of their net."""
+    """FSN219: transfers that do not include the MainInstance of their net."""
     span = net.at("transfer_master" if "transfer_master" in net.fields else "safety_master")
     ends = [(r.transfer.source.module, r.transfer.destination.module) for r in rows]
-    # The net of a transfer with an unknown end is unknown.
-    # A misspelt module could be the MainInstance.
+    # The net of a transfer with an unknown end is unclear.
     sure = [r for r in rows if module_pair(r) <= ctx.names]
     foreign = [r for r in sure if main not in module_pair(r)]
     shared = shared_modules(ends) & ctx.names
-    # All meet in another SubDevice: the stated master is the mistake, not the transfers.
+    # All transfers share another SubDevice: the stated master is the mistake.
     if foreign and len(shared) == 1 and net.safety_master is not None:
-        # All transfers meet in one SubDevice, only not in the one that is stated.
+        # All transfers share one SubDevice, but not the stated one.
         ctx.unsure_nets.add(number)
         other = shared.pop()
         ctx.add(
@@ -177,7 +176,7 @@ def _foreign_rows(
 
 
 def _known(ctx: Context, names: list[str]) -> list[str]:
-    """Return the names that are here, of those; all that are here when none of those is."""
+    """Return the names that exist; if none does, all existing names."""
     return [n for n in names if n in ctx.names] or sorted(ctx.names)
 
 
@@ -187,7 +186,7 @@ def _unknown_master(
     stated = net.safety_master or ""
     ctx.unsure_nets.add(number)
     span = net.at("transfer_master" if "transfer_master" in net.fields else "safety_master")
-    # FSoE ends need certified hardware; the PC that runs the bus is none.
+    # FSoE ends need certified hardware; the PC that runs the bus is not an FSoE end.
     if is_main_device(stated):
         ctx.add(
             "FSN226",
@@ -203,7 +202,7 @@ def _unknown_master(
         return
     ends = [(r.transfer.source.module, r.transfer.destination.module) for r in rows]
     shared = shared_modules(ends) & ctx.names
-    everywhere = stated in used  # misspelt in the transfers, too: they say nothing of the right one
+    everywhere = stated in used  # misspelt in the transfers as well: they do not help
     meant = guesses(stated, shared) if shared and not everywhere else ctx.nearest_names(stated)
     if not meant and len(shared) == 1 and not everywhere:
         meant = tuple(shared)
@@ -227,7 +226,7 @@ def _missing_direction(ctx: Context, row: ResolvedTransfer) -> None:
 
 
 def _mend_missing(row: ResolvedTransfer) -> str:
-    """Write out the missing transfer when both devices show the partner frames."""
+    """Return the missing transfer as text, if both devices have the partner frames."""
     back_in = _input_partner(row.destination)
     back_out = _output_partner(row.source)
     if back_in is None or back_out is None:
@@ -263,12 +262,12 @@ def _output_partner(end: ResolvedEnd) -> FsoeBlock | None:
 
 def _crossed(ctx: Context, connection: Connection) -> None:
     down, up = connection.to_sub, connection.to_main
-    # A pair that was reported is not reported a second time.
+    # A reported pair is not reported again.
     if module_pair(down) in ctx.blamed_pairs:
         return
     for out_row, in_row in ((up, down), (down, up)):
         sends, key = in_row.source.block, partner_block(out_row.destination)
-        # Without a known partner, nothing can be said about the slot.
+        # Without a known partner, the slot cannot be judged.
         if sends is None or key is None or key == sends.key:
             continue
         wanted = _input_partner(out_row.destination)
@@ -302,7 +301,7 @@ def _facts(ctx: Context) -> None:
                 related=(Related(span=row.twin.span, message="first stated here"),),
             )
             continue
-        # Facts of a pair with a reported transfer are not wrong themselves.
+        # Facts of a pair with a reported transfer are not errors themselves.
         if row.net_number in ctx.unsure_nets or named in ctx.blamed_pairs or named in singles:
             continue
         keys = [("slot", fact.slot), ("sub_slot", fact.sub_slot)]
@@ -317,7 +316,7 @@ def _facts(ctx: Context) -> None:
 
 
 def _meant(fact: ConnectionFacts, pairs: set[tuple[str, str]], ours: Guesses) -> str:
-    """Return the hint about facts of a connection that is not there."""
+    """Return the hint about facts of a missing connection."""
     if is_main_device(fact.main):
         return "name the safety terminal on the bus that holds the MainInstance"
     if (fact.sub, fact.main) in pairs:
@@ -343,7 +342,7 @@ def _unserved(ctx: Context) -> None:
         frames = sub.layout.blocks if sub.layout is not None else ()
         if not frames or sub.name in blamed:
             continue
-        # A SubDevice without any connection is another finding than a single idle slot.
+        # A SubDevice without any connection has another finding than a single idle slot.
         if sub.name not in served:
             without.append(sub)
             continue

@@ -30,10 +30,11 @@ class Runtime(enum.Enum):
     LCEC = "lcec"
 
 
-# Versions of ethercat_driver_ros2, the oldest first.
+# Versions of ethercat_driver_ros2, oldest first.
 ROS2 = (Runtime.ROS2_2025, Runtime.ROS2_2026_06, Runtime.ROS2_2026_08, Runtime.ROS2_NEWEST)
 
-# Keys not supported by every version: the first that does, and whether copying depends on it.
+# Keys not supported by every version: the first version with the key, and whether copying depends
+# on it.
 _NEW_KEYS = {
     "transfer_config": (Runtime.ROS2_2026_06, True),
     "transfer_modules": (Runtime.ROS2_2026_06, True),
@@ -62,7 +63,7 @@ def _ros2(ctx: Context, runtime: Runtime) -> None:
     network = ctx.resolution.network
     nets = [n for n in network.nets if any(t.kind is TransferKind.FSOE for t in n.transfers)]
     for net in nets:
-        # Fixed in the newest version only.
+        # Fixed only in the newest version.
         if runtime is not Runtime.ROS2_NEWEST:
             ctx.add(
                 "FSN461",
@@ -175,7 +176,7 @@ _OLD_KEYS = {
 
 # -- linuxcnc-ethercat ----------------------------------------------------------------------------
 
-# Product codes of Beckhoff that linuxcnc-ethercat has FSoE support for.
+# Beckhoff product codes for which linuxcnc-ethercat supports FSoE.
 _LCEC_MAINS = {0x1AF43052, 0x077E3052}  # EL6900, EL1918
 _LCEC_SUBS = {0x07703052: "EL1904", 0x0B583052: "EL2904", 0x16AD6012: "AX5805"}
 _LCEC_FORKS = {0x077A2C52: "EK1914", 0x077E3052: "EL1918"}
@@ -200,7 +201,7 @@ def _lcec(ctx: Context) -> None:
 def _lcec_type(ctx: Context, sub: SubDevice, *, is_main: bool) -> None:
     if sub.device is None:
         return
-    # This type is supported in its role.
+    # This type is supported in this role.
     if sub.device.product_code in (_LCEC_MAINS if is_main else _LCEC_SUBS):
         return
     role = "MainInstance" if is_main else "SubInstance"
@@ -228,7 +229,7 @@ def _lcec_order(ctx: Context, rows: list[ResolvedTransfer], mains: set[str]) -> 
             if end.block is not None and end.block.key in slots:
                 taken.append((slots.index(end.block.key), row))
         taken.sort(key=lambda item: item[0])
-        # Slots are given in order: the first gap shifts all after it.
+        # Slots are assigned in order: the first gap shifts all following ones.
         wrong = next((n for n, (slot, _) in enumerate(taken) if slot > n), None)
         if wrong is None:
             continue
@@ -243,7 +244,7 @@ def _lcec_order(ctx: Context, rows: list[ResolvedTransfer], mains: set[str]) -> 
 
 
 def _lcec_lengths(ctx: Context, rows: list[ResolvedTransfer]) -> None:
-    """FSN464: the frame of a type is built in."""
+    """FSN464: the frame length of a type is built in."""
     for row in rows:
         for end in (row.source, row.destination):
             sub = end.subdevice

@@ -1,4 +1,4 @@
-"""FSN615 and FSN616: the safe bits that safety functions name."""
+"""FSN615 and FSN616: the safe bits named by safety functions."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ class _Placed:
 
 
 def check_safe_bits(out: FindingList, budget: Budget, left_out: Collection[str]) -> None:
-    """Report safe bits that are not in a frame, and names that contradict each other.
+    """Report safe bits that are not in a frame, and contradictory names.
 
     Args:
         out: Takes FSN615 and FSN616.
-        budget: With all functions and connections of the network.
+        budget: Budget with all functions and connections of the network.
         left_out: Names of functions with an element that is not in the network.
     """
     connections = [row.connection for row in budget.connections]
@@ -86,7 +86,7 @@ def _no_frame(function: SafetyFunction, element: SafetyElement) -> tuple[str, st
             f"{element.kind.value} {element.name} has safe bits, and no FSoE frame",
             "state safe bits at an input or output that names its SubDevice with sub:",
         )
-    # Inside of the logic no frame carries the signal.
+    # Within the logic no frame carries the signal.
     if any(e.kind is ElementKind.LOGIC and e.sub == element.sub for e in function.elements):
         return (
             f"{element.sub} is the logic itself: no FSoE frame carries its safe bits",
@@ -99,7 +99,7 @@ def _no_frame(function: SafetyFunction, element: SafetyElement) -> tuple[str, st
 
 
 def _contradictions(out: FindingList, placed: Iterable[_Placed]) -> None:
-    """Report a bit that is named twice in an element or differently in a frame, and the reverse."""
+    """Report a bit with two names in an element or a frame, and a name with two bits."""
     by_bit: dict[tuple[int, int], _Placed] = {}
     by_name: dict[tuple[int, str], _Placed] = {}
     for row in placed:

@@ -1,4 +1,4 @@
-"""FSN602 … FSN616: watchdogs and safety functions against the timing budget."""
+"""FSN602 … FSN616: watchdogs and safety functions compared with the timing budget."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from fsoe_net.timing.judgement import Judgement, exceeds
 from fsoe_net.timing.reaction import FunctionBudget
 from fsoe_net.timing.watchdogs import WatchdogBudget
 
-_FOLLOWS = frozenset({"FSN605", "FSN606", "FSN615"})  # a part of a function that is not there
+_FOLLOWS = frozenset({"FSN605", "FSN606", "FSN615"})  # a part of a missing function
 
 
 def check_timing(
@@ -32,7 +32,7 @@ def check_timing(
     """Return the findings about the budget of a network, sorted by place.
 
     Args:
-        network: With its safety functions; without any the result is empty.
+        network: The network with its safety functions; without any the result is empty.
         budget: Budget of this network.
         found: Other findings. A part that an error excludes from the network is not reported again
             as missing from its safety functions.
@@ -43,7 +43,7 @@ def check_timing(
     _names(out, network)
     # A function with a misspelt SubDevice cannot be judged; the misspelling is the finding.
     broken = {f.name for f in network.safety_functions if _elements(out, network, f)}
-    # Where no watchdog fits, a reaction time would not help.
+    # If no watchdog fits, a reaction time would not help.
     hopeless = {name for c in budget.connections if c.empty for name in c.functions}
     check_safe_bits(out, budget, broken)
     for row in budget.functions:
@@ -53,7 +53,7 @@ def check_timing(
         _connection(out, connection)
     has_error = any(d.level is Severity.ERROR for d in found)
     hidden = _FOLLOWS if has_error else frozenset[str]()
-    # The function with the misspelt name may use the connection that looks unused.
+    # The function with the misspelt name may use the connection that seems to be unused.
     if broken:  # the function with the misspelt name may use the connection
         hidden |= {"FSN610"}
     return sort_diagnostics(d for d in out.diagnostics if d.code not in hidden)
@@ -104,7 +104,7 @@ def _function(out: FindingList, row: FunctionBudget, *, hopeless: bool) -> None:
         unclaimed = dict.fromkeys(name for claim in row.levels for name in claim.missing)
         if unclaimed:
             open_points.append(f"no PL or SIL claim of {', '.join(unclaimed)} is stated")
-    # Elements without a connection make all else unknown.
+    # Elements without a connection leave all other facts unknown.
     if open_points and not row.parts.apart:
         out.add(
             "FSN606",
@@ -161,7 +161,7 @@ def _sources(out: FindingList, row: FunctionBudget) -> None:
 
 
 def _is_unverified(row: ElementRow) -> bool:
-    """Whether a value lacks a source; 0 without a reason is another finding."""
+    """Whether a value lacks a source; 0 without a reason is a separate finding."""
     known = [q for q in (row.time, row.pfh) if q.value is not None]
     values = any(not q.answered_for and not q.needs_reason for q in known)
     claims = bool(row.claim) and not row.claim_answered_for
@@ -202,7 +202,7 @@ def _reaction(out: FindingList, row: FunctionBudget) -> None:
 
 
 def _use(out: FindingList, row: WatchdogBudget, place: Span) -> None:
-    """Name a connection that no function uses; one with safe outputs is to be justified."""
+    """Report a connection that no function uses; one with safe outputs needs a justification."""
     if row.functions:
         return
     end = row.connection.to_sub.destination

@@ -1,4 +1,4 @@
-"""FSN201 … FSN207, FSN213: does each end of a transfer mean bytes, and in the right direction?"""
+"""FSN201 … FSN207, FSN213: whether ends of transfers refer to bytes in the right direction."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _MAIN_DEVICE_WORDS = {
 
 
 def is_main_device(name: str) -> bool:
-    """Whether a name that is not a SubDevice means the MainDevice itself."""
+    """Whether a name that is not a SubDevice refers to the MainDevice itself."""
     return name.lower().replace("-", "_").replace(" ", "_") in _MAIN_DEVICE_WORDS
 
 
@@ -49,7 +49,7 @@ def check_ends(ctx: Context) -> None:
 
 
 def _written_by_transfers(ctx: Context) -> dict[tuple[str, int, int], ResolvedTransfer]:
-    """Map the entry each transfer writes to the transfer, to see chains."""
+    """Map the entry written by each transfer to the transfer, to detect chains."""
     return {
         _address(r.destination): r
         for r in ctx.resolution.transfers
@@ -70,7 +70,7 @@ def _lookup(ctx: Context, row: ResolvedTransfer, end: ResolvedEnd, wanted: Direc
         _unknown_module(ctx, end)
         return
     if end.miss is Miss.ENTRY and ctx.is_unassigned(end):
-        return  # FSN409 has named the cause
+        return  # FSN409 has reported the cause
     span = endpoint.at("index")
     if end.miss is Miss.GAP:
         ctx.add(
@@ -138,7 +138,7 @@ def _unknown_entry(
 
 
 def _better_start(ctx: Context, end: ResolvedEnd, wanted: Direction, row: ResolvedTransfer) -> Fix:
-    """Name the entry that was probably meant: a frame's command first, of the right direction."""
+    """Return the probably meant entry: a frame's command first, with the right direction."""
     if end.layout is None:
         return Fix(hint="")
     choices: list[tuple[int, str, SmLayout, Placed]] = []
@@ -163,7 +163,7 @@ def _better_start(ctx: Context, end: ResolvedEnd, wanted: Direction, row: Resolv
 def _start_at(
     ctx: Context, end: ResolvedEnd, sm: SmLayout, placed: Placed, row: ResolvedTransfer
 ) -> tuple[Edit, ...]:
-    """Return the edits that let an end start at a frame, when it can mean no other frame."""
+    """Return the edits that let an end start at a frame, if it can refer to no other frame."""
     name = end.subdevice.name if end.subdevice is not None else ""
     free = [
         block
@@ -199,7 +199,7 @@ def _distance(
     score = 4 * sum(a != b for a, b in zip(text_a, text_b, strict=True))
     block = sm.block_at(placed.bit_offset)
     is_command = block is not None and block.command is placed.entry
-    if fsoe is not is_command:  # other data do not belong into a frame
+    if fsoe is not is_command:  # other data do not belong in a frame
         score += 20
     if fsoe and block is not None and block.frame_bytes != row.transfer.size_bytes:
         score += 6
@@ -223,7 +223,7 @@ def _direction(
     if source.sm is None or destination.sm is None:
         return
     if ctx.is_exchanged(source) or ctx.is_exchanged(destination):
-        return  # FSN401 has named the cause
+        return  # FSN401 has reported the cause
     reads_output = source.sm.sm.direction is Direction.OUTPUT
     writes_input = destination.sm.sm.direction is Direction.INPUT
     # First: with equal ends, findings about the direction would name the wrong mistake.
@@ -260,7 +260,7 @@ def _direction(
 
 
 def _mapped_both_ways(ctx: Context, source: ResolvedEnd) -> None:
-    """FSN203 of a driver that looks for the first place of an entry: of the output."""
+    """FSN203 for a driver that searches for the first place of an entry, which is the output."""
     if source.layout is None or source.sm is None:
         return
     first = source.layout.by_address[source.endpoint.index, source.endpoint.subindex][0]
