@@ -78,9 +78,10 @@ def known_conversations() -> Iterator[TriedValue]:
 
 
 def core_and_python() -> Iterator[TriedValue]:
-    """Let both engines judge the recorded run, whole and with one bit of each frame changed.
+    """Let both engines judge the recorded run, unchanged and with one bit of each frame changed.
 
-    Both also make the fingerprint of each plan, and the core refuses it with any byte changed.
+    Both also calculate the fingerprint of each plan, and the core rejects it if any byte is
+    changed.
     """
     from fsoe_net.core.core import CorePlan
     from fsoe_net.errors import PlanFormatError
@@ -111,14 +112,14 @@ def core_and_python() -> Iterator[TriedValue]:
 
 
 def _flipped(data: bytes, bit: int) -> bytes:
-    """Return the bytes with one bit changed, counted from the lowest of the first byte."""
+    """Return the bytes with one bit changed, counted from the lowest bit of the first byte."""
     changed = bytearray(data)
     changed[bit // 8] ^= 1 << bit % 8
     return bytes(changed)
 
 
 def copies() -> Iterator[TriedValue]:
-    """Move frames on an emulated bus: whole and unchanged also when damaged, never torn."""
+    """Copy frames on an emulated bus: complete and unchanged even if damaged, never torn."""
     from fsoe_net.core.core import Core, CorePlan, EmulatedBus
     from fsoe_net.network import load
 
@@ -153,7 +154,7 @@ def copies() -> Iterator[TriedValue]:
 def _beside_the_cycle(
     core: Core, bus: EmulatedBus, places: tuple[int, int], sizes: tuple[int, int]
 ) -> Iterator[TriedValue]:
-    """Write and read while the cyclic thread copies; all bytes of a frame are equal when whole."""
+    """Write and read while the cyclic thread copies; all bytes of a complete frame are equal."""
     (source, destination), (inputs, size) = places, sizes
     core.start(cycle_ns=250_000)
     torn, last = 0, bytes(size)

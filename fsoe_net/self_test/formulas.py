@@ -1,4 +1,4 @@
-"""CRCs against known answers and against long division; times against worked examples."""
+"""CRCs compared with known answers and long division; times compared with worked examples."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def long_division(data: bytes, polynomial: int, bits: int) -> int:
     Args:
         data: Message, the most significant bit first.
         polynomial: Divisor with its leading bit.
-        bits: Its degree.
+        bits: Degree of the polynomial.
     """
     rest = 0
     for byte in data + bytes(bits // 8):
@@ -151,7 +151,7 @@ def _handshake(known: Mapping[str, Any]) -> Iterator[TriedValue]:
 
 
 def _several_buses(known: Mapping[str, Any]) -> Iterator[TriedValue]:
-    """Compare the figures of each connection of one safety function over two buses."""
+    """Compare the figures of each connection of one safety function across two buses."""
     from fsoe_net.timing import formulas, handshake
 
     there, *back = (_way(part, known["logic"]) for part in known["ways"])

@@ -15,7 +15,7 @@ _TIMEOUT_S = 30
 
 
 def recorded_files() -> Iterator[TriedValue]:
-    """Compare the hash of each file with the one that the installer recorded."""
+    """Compare the hash of each file with the installer's record."""
     found = installed_files()
     if found.is_tree:
         raise NotTried("a source tree: no installer recorded its files")
@@ -28,17 +28,17 @@ def recorded_files() -> Iterator[TriedValue]:
 
 
 def master_version(program: str) -> str:
-    """Return the first line that ``fsn-master --version`` prints.
+    """Return the first line printed by ``fsn-master --version``.
 
     Raises:
-        OSError, subprocess.SubprocessError: It cannot be started, or does not end.
+        OSError, subprocess.SubprocessError: The program cannot be started, or does not end.
     """
     code, text = _run(program, "--version")
     return text.partition("\n")[0] if code == 0 else f"exit code {code}"
 
 
 def master() -> Iterator[TriedValue]:
-    """Let fsn-master open a reference plan on a bus in memory, and refuse others.
+    """Let fsn-master open a reference plan on a bus in memory, and reject others.
 
     The bus is an image in memory: no interface is opened.
     """

@@ -26,7 +26,7 @@ class SelfTestPart:
     """A part of the self-test.
 
     Attributes:
-        name: Stable.
+        name: Stable name.
         compare: Yields its comparisons.
         next_step: Action in case of a difference.
     """
@@ -43,7 +43,7 @@ class PartResult:
     Attributes:
         name: Name of the part.
         compared: Number of compared values.
-        different: Those that differ.
+        different: Values that differ.
         not_tried: Why it does not apply here; empty if it was run.
         next_step: Required action; empty unless something differs.
     """
@@ -56,12 +56,12 @@ class PartResult:
 
     @property
     def result(self) -> str:
-        """The word for it: ``pass``, ``fail`` or ``not tried``."""
+        """The word for the result: ``pass``, ``fail`` or ``not tried``."""
         return "not tried" if self.not_tried else "fail" if self.different else "pass"
 
 
 def tried(part: SelfTestPart) -> PartResult:
-    """Try a part; whatever goes wrong in it is its result."""
+    """Run a part; any exception in it becomes its result."""
     compared, different, not_tried = 0, list[TriedValue](), ""
     try:
         for row in part.compare():
@@ -73,7 +73,7 @@ def tried(part: SelfTestPart) -> PartResult:
             different.append(TriedValue("values to compare", "at least 1", 0))
     except NotTried as exc:
         not_tried = str(exc)
-    except Exception as exc:  # a damaged installation may fail in any way: all are findings here
+    except Exception as exc:  # a damaged installation may fail in any way
         what = f"after {compared} values"
         different.append(TriedValue(what, "the next value", f"{type(exc).__name__}: {exc}"))
     return PartResult(

@@ -1,12 +1,12 @@
-"""The second opinion on `fsn_monitor`: follows a connection from outside.
+"""A second implementation of `fsn_monitor`: follows a connection from its frames.
 
-Written in Python without the C core, so that the self-test and the tests can compare both on each
-frame; for nothing else.
+Written in Python without the C core, only so that the self-test and the tests can compare both for
+each frame.
 
-Verdicts rest on the chain (§3): once old CRC and sequence number are known, every CRC of every
-frame can be recomputed. They are known after a Reset or Session, or found: for a given old CRC
-exactly one number makes CRC_0 right, so two successive numbers of one direction show that the chain
-was found.
+Verdicts are based on the chain (§3): if old CRC and sequence number are known, every CRC of every
+frame can be calculated. They are known after a Reset or Session, or are determined: for a given old
+CRC, exactly one number makes CRC_0 right, so two consecutive numbers of one direction show that the
+chain was found.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ def observed_state(to_sub: int, to_main: int) -> ConnectionState:
     """Return the state given by the last commands of both directions; the lagging end decides.
 
     Args:
-        to_sub: Last command of the main, 0 before any.
-        to_main: Last command of the sub, 0 before any.
+        to_sub: Last command of the main, 0 if none.
+        to_main: Last command of the sub, 0 if none.
     """
     if to_sub == 0 or to_main == 0:
         return ConnectionState.SILENT
@@ -49,12 +49,12 @@ def observed_state(to_sub: int, to_main: int) -> ConnectionState:
 
 @dataclass(slots=True)
 class _Side:
-    """What is known of the chain in one direction; 0 is "not known" for both numbers."""
+    """The known part of the chain in one direction; 0 means unknown for both numbers."""
 
     last: bytes
     own: int | None = None  # CRC_0 of its last frame, for the collision rule
     sequence: int = 0  # number of its next frame
-    guess: int = 0  # number of its next frame, if the solved one was right
+    guess: int = 0  # number of its next frame, if the calculated one is right
     command: int = 0  # first byte of its last frame
 
 
@@ -66,8 +66,8 @@ class PythonMonitor:
         safe_in_bytes: Safe data bytes from sub to main.
 
     Attributes:
-        gaps: Times the chain was lost and found again without a Reset: frames passed unseen, and
-            the frame counted as wrong or unchecked at that point was none of the channel's faults.
+        gaps: How often the chain was lost and found without a Reset. Frames were not observed, so
+            the frame counted as wrong or unchecked at that point was not a fault of the channel.
     """
 
     def __init__(self, safe_out_bytes: int, safe_in_bytes: int) -> None:
@@ -78,15 +78,15 @@ class PythonMonitor:
         )
         self._last_crc = 0  # CRC_0 of the last frame of either direction
         self._last_direction: int | None = None  # direction of the last frame
-        self._lost = False  # the chain was known, and no Reset has come since
+        self._lost = False  # the chain was known, and no Reset has occurred since
 
     @property
     def state(self) -> ConnectionState:
-        """State of the connection as seen from outside."""
+        """State of the connection as observed from its frames."""
         return observed_state(*(side.command for side in self._sides))
 
     def sequence(self, direction: int) -> int:
-        """Return the number of the next frame of a direction, 0 while it is not known."""
+        """Return the number of the next frame of a direction; 0 if unknown."""
         return self._sides[direction].sequence
 
     def frame(self, direction: int, data: bytes, now_ns: int) -> CrcVerdict:
@@ -118,7 +118,7 @@ class PythonMonitor:
         if pdu.command == Command.SESSION:
             return self._session(direction, pdu)
         if self._last_direction == direction:
-            self._lose(direction, pdu)  # the answer passed unseen
+            self._lose(direction, pdu)  # the answer was not observed
             return CrcVerdict.UNCHECKED
         if self._sides[direction].sequence == 0:
             return self._search(direction, pdu)
@@ -134,7 +134,7 @@ class PythonMonitor:
         self._last_crc, self._last_direction, self._lost = 0, None, False
 
     def _session(self, direction: int, pdu: Pdu) -> CrcVerdict:
-        """Take a Session frame; the main's first one restarts the chain at any time (§6 row 9).
+        """Process a Session frame; the main's first one restarts the chain at any time (§6 row 9).
 
         A frame that does not match leaves a known chain unchanged: a main also ignores the reply to
         an abandoned session (§5 row 11).
@@ -174,7 +174,7 @@ class PythonMonitor:
         self._last_direction = direction
 
     def _lose(self, direction: int, pdu: Pdu) -> None:
-        """Forget the numbers; the search begins with the next frame of the other direction."""
+        """Discard the numbers; the search begins with the next frame of the other direction."""
         self._lost |= any(side.sequence for side in self._sides)
         for side in self._sides:
             side.own, side.sequence, side.guess = None, 0, 0
@@ -182,7 +182,7 @@ class PythonMonitor:
         self._last_direction = direction
 
     def _search(self, direction: int, pdu: Pdu) -> CrcVerdict:
-        """Solve for the number; a second one that follows the first shows that it is right."""
+        """Calculate the number; a consecutive second one confirms the first."""
         side = self._sides[direction]
         sequence = (
             0
@@ -197,7 +197,7 @@ class PythonMonitor:
         self._last_direction = direction
         side.guess = advance(sequence) if sequence and whole else 0
         if not whole:
-            return CrcVerdict.WRONG  # the blocks do not fit each other, whatever the chain is
+            return CrcVerdict.WRONG  # the blocks do not match each other, whatever the chain is
         if not found:
             return CrcVerdict.UNCHECKED
         side.sequence = side.guess

@@ -1,4 +1,4 @@
-"""Reference networks: whole ones give their plan, broken ones their findings, a run its end."""
+"""Reference networks: valid ones give their plan, broken ones their findings, a run its result."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _FINDING = re.compile(r":(\d+):(\d+): (?:error|warning)\[(FSN\d+)\]")
 
 
 def reference_networks() -> Iterator[TriedValue]:
-    """Check and compile the whole examples: no finding, and the bytes that are known."""
+    """Check and compile the valid examples: no finding, and the known bytes."""
     from fsoe_net.network import load
 
     for name, known in reference()["networks"].items():
@@ -61,7 +61,7 @@ def emulated_runs() -> Iterator[TriedValue]:
 
 
 def safety_functions() -> Iterator[TriedValue]:
-    """Compare reaction times and PFH of the e-stop example with those worked out by hand."""
+    """Compare reaction times and PFH of the e-stop example with values calculated by hand."""
     from fsoe_net.network import load
 
     known = reference()["safety_function"]

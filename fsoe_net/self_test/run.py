@@ -1,4 +1,4 @@
-"""All parts of the self-test, in the order in which they are tried."""
+"""All parts of the self-test, in the order of execution."""
 
 from __future__ import annotations
 
@@ -48,15 +48,15 @@ PARTS = tuple(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SelfTest:
-    """What became of the self-test, and of which installation.
+    """Result of the self-test, and the installation that it applies to.
 
     Attributes:
-        versions: Of fsoe-net, Python, the system and each package, by name.
+        versions: Versions of fsoe-net, Python, the system and each package, by name.
         build: SHA-256 over all installed files.
-        files: How many they are.
+        files: Number of these files.
         kind: ``installed`` or ``source tree``.
-        master: ``fsn-master`` with its SHA-256; ``None`` where there is none.
-        parts: In their order.
+        master: ``fsn-master`` with its SHA-256; ``None`` if there is none.
+        parts: Results of the parts, in order.
     """
 
     versions: Mapping[str, str]
@@ -117,7 +117,7 @@ def run_self_test() -> SelfTest:
 
 
 def master_state() -> tuple[str, str] | None:
-    """Return the version and SHA-256 of ``fsn-master``; ``None`` where there is none."""
+    """Return the version and SHA-256 of ``fsn-master``; ``None`` if there is none."""
     from fsoe_net.live.master import find_master
 
     try:
