@@ -44,7 +44,7 @@ class EmulatedDevices:
 
     @cached_property
     def masters(self) -> list[EmulatedDevice]:
-        """Devices that hold a MainInstance, so have a logic."""
+        """Devices that contain a MainInstance, and therefore a logic."""
         return [d for d in self.devices.values() if any(p.is_main for p in d.ports)]
 
     @cached_property
@@ -58,7 +58,7 @@ class EmulatedDevices:
         return {name: port for port in self.subs.values() for name in port.receives}
 
     def default_inputs(self) -> list[str]:
-        """Return the safe inputs the default logic watches: single bits, drive status excluded."""
+        """Return the safe inputs used by the default logic: single bits, without drive status."""
         return [
             name
             for name, port in self.safe_inputs.items()
@@ -66,14 +66,14 @@ class EmulatedDevices:
         ]
 
     def has_safe_input(self, name: str) -> bool:
-        """Return whether there is a safe input of that name."""
+        """Return whether a safe input with this name exists."""
         return normal_name(name) in self.safe_inputs
 
     def set_safe_input(self, name: str, value: int) -> None:
         """Set the input of a SubInstance at its terminals; ends mirroring of that value.
 
         Raises:
-            KeyError: No safe input of that name.
+            KeyError: Unknown safe input.
         """
         name = normal_name(name)
         port = self.safe_inputs[name]
@@ -83,17 +83,17 @@ class EmulatedDevices:
         port.sends[name].write(port.safe, value)
 
     def set_good(self, name: str) -> None:
-        """Set a safe input to 1, unless it follows what the device receives.
+        """Set a safe input to 1, unless it mirrors the received data.
 
         Raises:
-            KeyError: No safe input of that name.
+            KeyError: Unknown safe input.
         """
         name = normal_name(name)
         if name not in self.safe_inputs[name].mirrored:
             self.set_safe_input(name, 1)
 
     def set_address(self, subdevice: str, address: int) -> None:
-        """Give the SubInstances of a SubDevice another address; it counts in the next Connection.
+        """Set another address for the SubInstances of a SubDevice, for the next Connection.
 
         Raises:
             ValueError: Not in 1 … 65535.
@@ -104,24 +104,24 @@ class EmulatedDevices:
                 instance.config = replace(instance.config, address=address)
 
     def safe_output(self, name: str) -> int:
-        """Return the values a SubInstance passes to its outputs; 0 while not valid.
+        """Return the value that a SubInstance passes to its outputs; 0 while it is not valid.
 
         Raises:
-            KeyError: No safe output of that name.
+            KeyError: Unknown safe output.
         """
         name = normal_name(name)
         return self.safe_outputs[name].received(name)
 
     @cached_property
     def axes(self) -> dict[str, WiredAxis]:
-        """Emulated axes by name, as `fsoe_net.model.drives.axis_name` has it."""
+        """Emulated axes by name, as in `fsoe_net.model.drives.axis_name`."""
         return {wired.name: wired for device in self.devices.values() for wired in device.axes}
 
     def choose_drives(self, setups: Mapping[str, DriveSetup]) -> None:
-        """Give axes another motor, load and wiring; one without a setup keeps that of before.
+        """Set motor, load and wiring of axes; axes without a setup are unchanged.
 
         Raises:
-            KeyError: No axis or safe output of a name.
+            KeyError: Unknown axis or safe output.
         """
         axes = self.axes
         for name, setup in setups.items():
@@ -132,15 +132,15 @@ class EmulatedDevices:
         return self.safe_outputs[name], name
 
     def choose_logic(self, choice: LogicChoice) -> None:
-        """Configure for every safety master which inputs it watches and which outputs it switches.
+        """Configure the inputs and outputs that every safety master uses.
 
         Raises:
             KeyError: A name is not a safe input or output.
         """
         inputs = self.default_inputs() if choice.inputs is None else choice.inputs
         outputs = list(self.safe_outputs) if choice.outputs is None else choice.outputs
-        # Names are checked before any device is changed: an unknown name leaves the logic as it
-        # was.
+        # Names are checked before any device is changed: an unknown name leaves the logic
+        # unchanged.
         watched = {(n := normal_name(x)): self.safe_inputs[n].setup.connection.name for x in inputs}
         switched = {
             (n := normal_name(x)): self.safe_outputs[n].setup.connection.name for x in outputs
@@ -148,7 +148,7 @@ class EmulatedDevices:
         delays = {normal_name(name): ns for name, ns in choice.delays_ns.items()}
         for device in self.masters:
             device.logic.delays_ns = delays
-            # A safety master decides over its own connections only, as in a real machine.
+            # As in a real machine, a safety master controls only its own connections.
             own = {p.setup.connection.name: p for p in device.ports if p.is_main}
             device.logic_inputs = [(own[c], n) for n, c in watched.items() if c in own]
             device.logic_outputs = [(own[c], n) for n, c in switched.items() if c in own]
@@ -182,7 +182,7 @@ def build_network(resolution: Resolution, session_ids: Callable[[], int]) -> Emu
             for sm in (sub.layout.managers if sub.layout else ())
             if sm.sm.direction is Direction.INPUT and sm.registered
         }
-        # A device without FSoE and without inputs does nothing that anybody could see.
+        # A device without FSoE and without inputs has no visible effect.
         if inputs or sub.name in ports:
             own = ports.get(sub.name, [])
             devices[sub.name] = EmulatedDevice(
@@ -192,7 +192,7 @@ def build_network(resolution: Resolution, session_ids: Callable[[], int]) -> Emu
 
 
 def _axes(sub: SubDevice, ports: list[Port], cycle_s: float) -> list[WiredAxis]:
-    """Build the axes of a drive; none for any other device."""
+    """Build the axes of a drive; none for other devices."""
     if sub.device is None or sub.layout is None:
         return []
     found = []

@@ -1,4 +1,4 @@
-"""A fault campaign over the connections of a network, on all cores."""
+"""A fault campaign over the connections of a network, using all CPU cores."""
 
 from __future__ import annotations
 
@@ -32,17 +32,17 @@ from fsoe_net.simulate.device_logic import divert_stdout
 from fsoe_net.simulate.scenario_run import DEFAULT_CYCLE_NS
 from fsoe_net.simulate.setup import choose_setups
 
-_CHUNK = 8192  # the same whatever the number of processes, so that sums are the same too
-_FEW = 4096  # trials which are not worth starting processes for
-_SHOWN_EVERY_S = 0.25  # progress within a piece of work
-_STOP_S = 2.0  # for a process to end by itself
+_CHUNK = 8192  # independent of the number of processes, so that sums are equal
+_FEW = 4096  # trials for which starting processes is too slow
+_SHOWN_EVERY_S = 0.25  # interval of progress reports within a piece of work
+_STOP_S = 2.0  # time for a process to end by itself
 
 Progress = Callable[[int, int, str], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CampaignResult:
-    """What a campaign found.
+    """Result of a campaign.
 
     Attributes:
         config: Connections and seed.
@@ -58,7 +58,7 @@ class CampaignResult:
 
     @property
     def passed(self) -> bool:
-        """Whether no end failed, every rate is plausible and not too much was tolerated."""
+        """Whether no end failed, every rate is plausible and not too many faults were tolerated."""
         return all(row.passed for row in self.classes)
 
 
@@ -72,13 +72,13 @@ def campaign_links(
     """Return the connections of a network, ready for a campaign.
 
     Args:
-        resolution: The network; cycle 1 ms when it states none.
-        connection: Only this one.
+        resolution: The network; the default cycle is 1 ms.
+        connection: Name of the only connection to use.
         main_factory: Makes a foreign main.
         sub_factory: Makes a foreign sub.
 
     Raises:
-        InputError: No connection at all, or none of this name.
+        InputError: There is no connection, or none with this name.
     """
     setups = choose_setups(resolution)
     if not setups:
@@ -104,15 +104,15 @@ def campaign_links(
 
 
 def _other(main: MainConfig, mains: Sequence[MainConfig]) -> MainConfig:
-    """Return another connection of the same sizes: of the network if there is one."""
+    """Return another connection of the same sizes, from the network if there is one."""
     sizes = (main.safe_out_bytes, main.safe_in_bytes)
-    # A foreign frame of equal length is the hardest case: only ConnID and CRC can tell it apart.
+    # A foreign frame of equal length is the hardest case: only ConnID and CRC distinguish it.
     for row in mains:
         if row is not main and (row.safe_out_bytes, row.safe_in_bytes) == sizes:
             return row
     used = {row.connection_id for row in mains}
     free = next(number for number in range(1, 0x10000) if number not in used)
-    # Another address as well: the two connections must differ in all that identifies them.
+    # The address also differs: the two connections must differ in all identifying values.
     return replace(main, connection_id=free, address=main.address ^ 1)
 
 
@@ -130,18 +130,18 @@ def run_campaign(
         config: Connections and seed.
         names: Classes of faults.
         faults: Faults per class.
-        jobs: Processes; default: one per core, or this one when the faults are few.
-        on_progress: Called in this process several times a second, if a fault takes no longer, with
-            faults done, faults in all, class last worked on.
+        jobs: Number of processes; default: one per core, or only this process for few faults.
+        on_progress: Called in this process several times a second, unless a single fault takes
+            longer. Arguments: completed faults, all faults, current class.
 
     Returns:
-        What was found. After Ctrl-C what had been found until then, marked so.
+        The result. After Ctrl-C, the results so far, marked as interrupted.
 
     Raises:
-        ConfigError: No such class, or a connection that never reaches state Data.
+        ConfigError: Unknown class, or a connection that never reaches state Data.
         EnvironmentFault: A device under test raised an exception or took its process with it.
     """
-    # Chunks are cut by number and not by process, so that the result does not depend on `jobs`.
+    # Chunks are divided by number, not by process, so that the result does not depend on `jobs`.
     work = [
         (name, range(at, min(at + _CHUNK, count)))
         for name in names
@@ -160,7 +160,7 @@ def run_campaign(
         for index, part in steps:
             parts[index] = part
             reports.finished(len(work[index][1]), part.name)
-    # The results so far count: campaigns run for hours.
+    # The results so far are kept, because campaigns run for hours.
     except KeyboardInterrupt:
         interrupted = True
     # In the order of the work, whatever the order in which processes finish.
@@ -206,19 +206,19 @@ _Steps = Iterator[tuple[int, ClassResult]]
 
 
 class _Reports:
-    """Reports how far a campaign is; never the same number twice, never a smaller one."""
+    """Reports the progress of a campaign; never the same number twice, never a smaller one."""
 
     def __init__(self, on_progress: Progress | None, total: int) -> None:
         self.call, self._total = on_progress, total
         self._done, self._last = 0, 0
 
     def finished(self, trials: int, name: str) -> None:
-        """A piece of work is done."""
+        """Report a completed piece of work."""
         self._done += trials
         self._tell(self._done, name)
 
     def within(self, trials: int, name: str) -> None:
-        """So many trials of the pieces being worked on are done."""
+        """Report the number of trials done in the current pieces of work."""
         self._tell(min(self._done + trials, self._total - 1), name)
 
     def _tell(self, done: int, name: str) -> None:
@@ -229,7 +229,7 @@ class _Reports:
 
 def _cores() -> int:
     if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))  # those this process may use
+        return len(os.sched_getaffinity(0))  # CPUs available to this process
     return os.cpu_count() or 1
 
 
@@ -252,10 +252,10 @@ def _now_and_then(tell: Callable[[int, str], None], name: str) -> Callable[[int]
 
 
 def _together(config: CampaignConfig, work: _Work, jobs: int, reports: _Reports) -> _Steps:
-    """Share the work; at most a few pieces are handed out ahead, so that an end comes quickly."""
-    # With fork, a copy of a thread could hold a lock for ever.
+    """Distribute the work; only a few pieces are queued ahead, so that stopping is fast."""
+    # With fork, a copy of a thread could hold a lock forever.
     context = multiprocessing.get_context("spawn")
-    # Each piece of work has a place of its own: no lock that a dying process could keep.
+    # Each piece of work has its own place: no lock that a dying process could keep.
     counts: MutableSequence[int] = context.RawArray("i", len(work))
     pool = ProcessPoolExecutor(
         max_workers=min(jobs, len(work)),
@@ -276,8 +276,8 @@ def _together(config: CampaignConfig, work: _Work, jobs: int, reports: _Reports)
             finished, _ = wait(running, timeout=_SHOWN_EVERY_S, return_when=FIRST_COMPLETED)
             for future in finished:
                 yield running.pop(future), future.result()
-            # Nothing finished in this interval: show how far the pieces are, so that it does not
-            # look stuck.
+            # Nothing was completed in this interval: report the progress of the pieces, so that it
+            # does not look stuck.
             if not finished:
                 at = [index for index in running.values() if counts[index]]
                 if at:
@@ -298,7 +298,7 @@ def _stop(pool: ProcessPoolExecutor) -> None:
         process.terminate()
     for process in processes:
         process.join(_STOP_S)
-        process.kill()  # a device may have taken SIGTERM for itself
+        process.kill()  # a device may have caught SIGTERM
         process.join()
 
 
@@ -307,19 +307,19 @@ _counts: MutableSequence[int] = []
 
 
 def _prepare_process(counts: MutableSequence[int]) -> None:
-    global _counts  # the only way from the start of a process to its calls
+    global _counts  # the only way to pass it from the start of a process to its calls
     _counts = counts
     threading.Thread(target=_end_with_parent, daemon=True).start()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides when to stop
-    gc.set_threshold(200_000)  # trials create no reference cycles; searching for them takes a tenth
-    divert_stdout()  # output printed by a device does not belong in the report
+    gc.set_threshold(200_000)  # trials create no reference cycles; the search takes time
+    divert_stdout()  # output of a device does not belong in the report
     sys.stdout = sys.stderr
 
 
 def _end_with_parent() -> None:  # pragma: no cover - ends its process, and the counts with it
     """End this process when its parent has ended, even by SIGKILL.
 
-    It would wait for work for ever otherwise, and with it the process of `multiprocessing` that
+    Otherwise it would wait for work forever, together with the process of `multiprocessing` that
     removes the semaphores of the parent.
     """
     parent = multiprocessing.parent_process()

@@ -1,4 +1,4 @@
-"""Commands to a running emulation: the steps of a scenario, one per line, done at once."""
+"""Commands to a running emulation: the steps of a scenario, one per line, executed immediately."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ _HOUR_NS = 3_600 * TIME_UNITS_NS["s"]
 
 
 class CommandError(ValueError):
-    """A line that is not a command; the text names the valid ones."""
+    """A line that is not a command; the text lists the valid ones."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EmulationCommand:
-    """The request of a line: a step, or with ``None`` the current observations."""
+    """The request in a line: a step, or ``None`` for the current observations."""
 
     step: ScenarioStep | None
 
@@ -42,7 +42,7 @@ def parse_command(line: str, number: int) -> EmulationCommand | None:
     if words == ["status"]:
         return EmulationCommand(step=None)
     form = _FORMS.get(words[0])
-    # A typing error at a running bus needs the nearest name at once.
+    # A typing error on a running bus needs a suggestion immediately.
     if form is None:
         near = guesses(words[0], _KNOWN)
         meant = f"did you mean {one_of(near)}? " if near else ""
@@ -65,7 +65,7 @@ def _number(text: str, high: int) -> int:
 
 
 def _time(text: str, unit: str) -> int:
-    """Return a time in a unit; only 0 needs none."""
+    """Return a time in a unit; only 0 needs no unit."""
     ns = 0 if text == "0" else time_ns(text)
     if ns is None:
         raise CommandError(f"{text[:24]!r} is not a time; write 500us, 20ms or 1s")
@@ -143,7 +143,7 @@ def _sdo_abort(words: Sequence[str], span: Span) -> ScenarioStep:
     index, colon, sub = words[1].partition(":")
     values = {"index": _number(index, 0xFFFF), "code": _number(words[2], _WORD)}
     if colon:
-        # A subindex is written with two digits everywhere else, 0x1c12:01: no octal number.
+        # A subindex has two digits everywhere else, as in 0x1c12:01; it is not octal.
         values["sub"] = _number(sub.lstrip("0") or "0" if sub.isdigit() else sub, 0xFF)
     return ScenarioStep(span=span, at_ns=0, action=Action.SDO_ABORT, target=words[0], values=values)
 

@@ -17,11 +17,11 @@ from fsoe_net.simulate.port import Port
 class SafetyLogic:
     """Decides whether the outputs of a net are on.
 
-    A reset counts only as a rising edge while every input is good: one that is held, or pressed
-    before the inputs are good, does not (ISO 13849-1 asks for a deliberate action).
+    A reset counts only as a rising edge while every input is good. A button that is held, or
+    pressed before the inputs are good, has no effect (ISO 13849-1 requires a deliberate action).
 
-    ``delays_ns`` are outputs that stay on for a time after the others have gone off, whatever the
-    inputs do meanwhile: the STO of a drive that is stopped by SS1 first.
+    ``delays_ns`` are outputs that stay on for a time after the others have switched off, whatever
+    the inputs do in the meantime: the STO of a drive that is first stopped by SS1.
     """
 
     on: bool = False
@@ -35,8 +35,8 @@ class SafetyLogic:
         """Return whether the outputs are on from now on.
 
         Args:
-            inputs_good: All safe inputs are 1, valid, and all connections exchange data.
-            now_ns: This moment.
+            inputs_good: Whether all safe inputs are 1 and valid, and all connections exchange data.
+            now_ns: Current time.
         """
         self._now_ns, was_on = now_ns, self.on
         # A button that is pressed when the inputs become good must not start the machine: an edge
@@ -53,32 +53,32 @@ class SafetyLogic:
         return self.on
 
     def is_on(self, output: str) -> bool:
-        """Return whether an output is on: all are, or its delay has not passed."""
+        """Return whether an output is on, or its delay has not expired."""
         if self.on or self._off_since_ns is None:
             return self.on
         return self._now_ns - self._off_since_ns < self.delays_ns.get(output, 0)
 
     def power_cycle(self) -> None:
-        """Switch off and on: all outputs are off."""
+        """Switch off and on; all outputs are off."""
         self.on, self._off_since_ns = False, None
 
 
 class ProcessData(Protocol):
-    """The sync managers of one SubDevice, seen from the device; numbers are SM numbers."""
+    """The sync managers of one SubDevice on the device side; numbers are SM numbers."""
 
     def read_outputs(self, sm: int) -> bytes:
         """Return the newest outputs."""
 
     def write_inputs(self, sm: int, data: bytes) -> None:
-        """Publish inputs, whole."""
+        """Publish inputs, all at once."""
 
     def operational(self) -> bool:
-        """Return whether outputs come: the SubDevice is in OP."""
+        """Return whether outputs arrive, because the SubDevice is in OP."""
 
 
 @dataclass(slots=True)
 class EmulatedDevice:
-    """One SubDevice: its FSoE ends, and its input process data as last published."""
+    """One SubDevice: its FSoE ends, and its last published input process data."""
 
     name: str
     ports: list[Port]
@@ -86,7 +86,7 @@ class EmulatedDevice:
     logic: SafetyLogic = field(default_factory=SafetyLogic)
     logic_inputs: list[tuple[Port, str]] = field(default_factory=list)
     logic_outputs: list[tuple[Port, str]] = field(default_factory=list)
-    away: set[str] = field(default_factory=set)  # connections that the logic does not ask for
+    away: set[str] = field(default_factory=set)  # connections that the logic does not require
     axes: list[WiredAxis] = field(default_factory=list)
     _unpublished: set[int] = field(default_factory=set)
     _set: set[tuple[int, int]] = field(default_factory=set)
@@ -99,9 +99,9 @@ class EmulatedDevice:
         self._rx_sms = tuple({port.rx_sm for port in self.ports})
 
     def set_input(self, sm: int, bit: int, bits: int, value: int) -> None:
-        """Set standard input bits of a sync manager; the next step publishes them.
+        """Set standard input bits of a sync manager; they are published in the next step.
 
-        What an emulated axis would show there stays as it was set.
+        These bits keep the set value even if an emulated axis would write them.
         """
         self._set.add((sm, bit))
         self._write(sm, bit, bits, value)
@@ -127,13 +127,13 @@ class EmulatedDevice:
                 changed.add(port.tx_sm)
         self._decide(now_ns)
         self._move(now_ns, io)
-        # Written after all ends have stepped: a MainDevice must not see half of a step.
+        # Written after all ends have stepped: a MainDevice must not see an incomplete step.
         for sm in changed:
             io.write_inputs(sm, bytes(self.inputs[sm]))
         changed.clear()
 
     def _prepare_sub(self, port: Port) -> None:
-        """A SubInstance sends its values whenever it is in Data; drives echo what is commanded."""
+        """Let a SubInstance send its values in Data; drives mirror the commanded values."""
         port.instance.enable = port.instance.state is State.DATA
         for name in port.mirrored:
             port.sends[name].write(port.safe, port.received(name))
@@ -141,7 +141,7 @@ class EmulatedDevice:
             port.sends[name].write(port.safe, value)
 
     def _move(self, now_ns: int, io: ProcessData) -> None:
-        """Let every axis take one step."""
+        """Advance every axis by one step."""
         if not self.axes:
             return
         # Several axes may have their objects in one sync manager.
@@ -152,8 +152,7 @@ class EmulatedDevice:
             axis.step(now_ns, image, wired.demand(), operational=operational)
             wired.report()
             for sm, bit, bits, value in axis.objects.inputs():
-                # A value that a scenario has set by hand stays; only changes of the axis are
-                # published.
+                # A value set by a scenario is kept; only changes of the axis are published.
                 if self._shown.get((sm, bit)) != value and (sm, bit) not in self._set:
                     self._shown[sm, bit] = value
                     self._write(sm, bit, bits, value)
@@ -170,14 +169,14 @@ class EmulatedDevice:
         self._switch()
 
     def _switch(self) -> None:
-        """Give the outputs of the logic to the frames of its connections."""
+        """Copy the outputs of the logic to the frames of its connections."""
         held = [(port, name) for port, name in self.logic_outputs if self.logic.is_on(name)]
         holding = {port for port, _ in held}
         for port in self._mains:
             # Cleared first: an output that is no longer enabled must not keep its old value.
             port.safe[:] = bytes(len(port.safe))
             enabled = self.logic.on or port in holding
-            # Before Data there is nothing to enable; the engine would reject it.
+            # Before Data the enable has no meaning; the engine would reject it.
             port.instance.enable = enabled and port.instance.state is State.DATA
         for port, name in held:
             signal = port.sends[name]
@@ -186,7 +185,7 @@ class EmulatedDevice:
     def power_cycle(self) -> None:
         """Switch the device off and on: everything volatile is lost.
 
-        The bus keeps the previous inputs until the device publishes again, as a memory does.
+        The bus keeps the previous inputs, like a memory, until the device publishes again.
         """
         for port in self.ports:
             port.instance.power_cycle()

@@ -1,8 +1,8 @@
-"""A device developer's own FSoE end in the place of one of ours, found by name.
+"""Replaces an FSoE end by the implementation of a device developer, found by name.
 
-Named ``module:factory``, as entry points are. The factory is called with the configuration of its
-end (`MainConfig` or `SubConfig`) and returns something with the `Peer` protocol. Whatever a
-foreign code raises or returns, its author gets one sentence.
+The name is ``module:factory``, as for entry points. The factory is called with the configuration of
+its end (`MainConfig` or `SubConfig`) and returns an object with the `Peer` protocol. Errors of
+foreign code are reported to its author in one sentence.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from fsoe_net.fsoe.config import MainConfig, SubConfig
 from fsoe_net.fsoe.pdu import frame_length
 
 _NEEDED = ("step", "power_cycle", "received_safe_data", "data_valid")
-_PASSED_ON = ("set_safe_data", "snapshot", "restore")  # optional, returning nothing to look at
+_PASSED_ON = ("set_safe_data", "snapshot", "restore")  # optional, without a return value to check
 _LONG = 100  # characters of a foreign value in a message
 
 
 @dataclass(frozen=True, slots=True)
 class DeviceFactory:
-    """Calls ``module:factory``; only the name goes to other processes.
+    """Calls ``module:factory``; only the name is passed to other processes.
 
     Raises:
         EnvironmentFault: In a call: the factory fails or returns no FSoE end.
@@ -38,10 +38,9 @@ class DeviceFactory:
     name: str
 
     def __call__(self, config: MainConfig | SubConfig) -> Peer:
-        """Return a new end, switched off and on."""
+        """Return a new end, as after power-on."""
         factory = _find(self.name)
-        # Each access to foreign code is inside `_blaming`: its author needs to know where it
-        # failed.
+        # Each access to foreign code is within `_blaming`, so that its author sees where it failed.
         with _blaming(self.name, "the factory"):
             end = factory(config)
         with _blaming(self.name, f"an attribute of what it returned ({_short(end)})"):
@@ -52,13 +51,13 @@ class DeviceFactory:
                 f"{', '.join(missing)}; docs/howto/test-your-device.md lists what an end needs"
             )
         sizes = config.safe_in_bytes, config.safe_out_bytes
-        # The configuration is seen from the MainInstance; for it, in and out are exchanged.
+        # The configuration is from the view of the MainInstance, which has in and out exchanged.
         sent, taken = sizes if isinstance(config, SubConfig) else sizes[::-1]
         return _Guard(end, self.name, frame_length(sent), taken)
 
 
 def device_factory(name: str) -> DeviceFactory:
-    """Find and return the factory of a name.
+    """Find and return the factory with this name.
 
     Raises:
         InputError: The name is not ``module:factory``, or does not exist.
@@ -83,7 +82,7 @@ def _find(name: str) -> Callable[[MainConfig | SubConfig], Any]:
         ) from exc
     except SyntaxError as exc:
         raise InputError(f"{name}: module {module!r} is not valid Python: {exc}") from exc
-    # A module may have a `__getattr__` of its own, which can raise anything.
+    # A module may have its own `__getattr__`, which can raise any exception.
     with _blaming(name, f"reading {attribute} of the module"):
         found = getattr(loaded, attribute, None)
     if found is None:
@@ -98,7 +97,7 @@ def _find(name: str) -> Callable[[MainConfig | SubConfig], Any]:
 def _takes_configuration(name: str, found: Callable[..., Any]) -> None:
     try:
         signature = inspect.signature(found)
-    except (ValueError, TypeError):  # compiled code need not say; the call will show
+    except (ValueError, TypeError):  # compiled code may have no signature; then the call decides
         return
     try:
         signature.bind(None)
@@ -112,19 +111,19 @@ def _takes_configuration(name: str, found: Callable[..., Any]) -> None:
 class _Guard:
     """Wraps a foreign end: checks its return values and attributes errors.
 
-    Our own ends have no errors of this kind. An optional attribute missing there is missing here.
+    Optional attributes that the foreign end lacks are also missing here.
     """
 
     def __init__(self, end: Any, name: str, frame_bytes: int, data_bytes: int) -> None:
         with _blaming(name, "step"):
             step = end.step
-        # Straight into the dictionary: assignments from outside go on to the end.
+        # Directly into the dictionary, because external assignments are passed to the end.
         self.__dict__.update(
             _end=end, _name=name, _frame_bytes=frame_bytes, _data_bytes=data_bytes, _step=step
         )
 
     def __getattr__(self, name: str) -> Any:
-        with _blaming(self._name, name, passing=(AttributeError,)):  # how it shows it has none
+        with _blaming(self._name, name, passing=(AttributeError,)):  # how it shows that it has none
             value = getattr(self._end, name)
         if name == "watchdog_remaining_ns":
             value = self._watchdog(value)
@@ -142,14 +141,14 @@ class _Guard:
     def step(self, now_ns: int, received: bytes | None) -> bytes | None:
         try:
             frame = self._step(now_ns, received)
-        # Ctrl-C is from the user and not from the device.
+        # Ctrl-C comes from the user, not from the device.
         except KeyboardInterrupt:
             raise
-        except BaseException as exc:  # a SystemExit would end the campaign without a word
+        except BaseException as exc:  # a SystemExit would end the campaign silently
             raise _raised(self._name, "step()", exc) from exc
         if frame is None:
             return None
-        # Subclasses and bytearrays are converted: the channel keeps frames, which must not change
+        # Subclasses and bytearrays are converted: the channel stores frames, which must not change
         # later.
         if type(frame) is not bytes:
             frame = self._bytes("step() returned", frame, "bytes or None")
@@ -170,7 +169,7 @@ class _Guard:
             valid = self._end.data_valid
         if valid is True or valid is False:
             return valid
-        if type(valid) is int and valid in (0, 1):  # as a C function returns it
+        if type(valid) is int and valid in (0, 1):  # as returned by a C function
             return bool(valid)
         raise self._wrong(f"data_valid is {_short(valid)}, not True or False")
 
@@ -181,7 +180,7 @@ class _Guard:
         if type(data) is bytes and len(data) == self._data_bytes:
             return data
         if not self.data_valid:
-            return bytes(self._data_bytes)  # they must not be used, so may be missing
+            return bytes(self._data_bytes)  # invalid data must not be used, so they may be missing
         data = self._bytes("received_safe_data is", data, "bytes")
         if len(data) != self._data_bytes:
             raise self._wrong(
@@ -220,9 +219,10 @@ class _Guard:
 
 
 class _blaming:  # noqa: N801 - reads as a word of a with statement
-    """Turns whatever foreign code raises into a sentence for its author.
+    """Converts any exception of foreign code to a sentence for its author.
 
-    Ctrl-C passes. A class and no generator: it is entered for every call of an end.
+    Ctrl-C is passed through. This is a class and not a generator for speed, because it is entered
+    for every call of an end.
     """
 
     __slots__ = ("_name", "_passing", "_what")
@@ -246,7 +246,7 @@ def _raised(name: str, what: str, exc: BaseException) -> EnvironmentFault:
 
 
 def _place(exc: BaseException) -> str:
-    """Return where in the foreign code an exception comes from."""
+    """Return the location of an exception in the foreign code."""
     trace, last = exc.__traceback__, ""
     while trace is not None:
         file = trace.tb_frame.f_code.co_filename
@@ -257,7 +257,7 @@ def _place(exc: BaseException) -> str:
 
 
 def _short(value: object, *, quote: bool = True) -> str:
-    """Return a foreign value for a message: never long, one line, whatever its repr does."""
+    """Return a foreign value for a message: short, on one line, whatever its repr does."""
     # A foreign object can be huge; a failing message would hide the fault.
     try:
         if isinstance(value, bytes | bytearray) and len(value) > _LONG // 4:
@@ -272,13 +272,13 @@ def _short(value: object, *, quote: bool = True) -> str:
 
 @contextlib.contextmanager
 def stdout_to_stderr() -> Iterator[None]:
-    """Send to standard error what a device prints, so that it never mixes with a report.
+    """Redirect output of a device to standard error, so that it never mixes with a report.
 
-    Prints of Python code and those of compiled code, which know the file descriptor only.
+    Covers Python code and compiled code, which writes to the file descriptor.
     """
     _flush()
     kept: int | None = None
-    with contextlib.suppress(OSError):  # nothing is open there
+    with contextlib.suppress(OSError):  # the descriptor is closed
         kept = os.dup(1)
     try:
         divert_stdout()
@@ -292,7 +292,7 @@ def stdout_to_stderr() -> Iterator[None]:
 
 
 def divert_stdout() -> None:
-    """Let the descriptor of standard output be that of standard error from now on."""
+    """Redirect the descriptor of standard output permanently to standard error."""
     with contextlib.suppress(OSError):
         os.dup2(2, 1)
 
@@ -301,4 +301,4 @@ def _flush() -> None:
     with contextlib.suppress(OSError, ValueError, AttributeError):
         sys.stdout.flush()
     with contextlib.suppress(OSError, TypeError, AttributeError):
-        ctypes.CDLL(None).fflush(None)  # printf of a device is buffered without a terminal
+        ctypes.CDLL(None).fflush(None)  # printf output of a device is buffered without a terminal

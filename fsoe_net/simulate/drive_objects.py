@@ -1,4 +1,4 @@
-"""Objects of emulated drives over CoE: SDO settings of a MainDevice, and values it reads."""
+"""Objects of emulated drives over CoE: SDO settings of a MainDevice, and values for reading."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from fsoe_net.simulate.bus import EmulatedDevices
 from fsoe_net.simulate.drive.axis import EmulatedAxis
 from fsoe_net.simulate.drive.objects import WRITABLE, size_bits
 
-_EVERY = 10  # steps of the devices between two looks: an SDO takes longer
+_EVERY = 10  # steps of the devices between two updates, because an SDO takes longer
 
 
 class DriveObjects:
-    """Keeps the dictionary of every axis and the objects of its SubDevice the same.
+    """Synchronises the dictionary of every axis with the objects of its SubDevice.
 
-    An object of a start-up SDO that has another length than in the profile is left alone.
+    An object of a start-up SDO whose length differs from the profile is ignored.
 
     Args:
-        segment_of: Where each device is, by its name.
+        segment_of: Segment of each device, by its name.
         network: The devices.
     """
 
@@ -32,15 +32,15 @@ class DriveObjects:
             wired.axis.wait_for_sdos()
 
     def update(self) -> None:
-        """Take written values, publish changed ones."""
-        if self._rows is None:  # the scenario has chosen the motors by now
+        """Read written values, publish changed ones."""
+        if self._rows is None:  # the scenario has selected the motors by now
             self._rows = [
                 _AxisRows(segment, segment.position(name), wired.axis)
                 for name, device in self._network.devices.items()
                 for wired in device.axes
                 for segment in [self._segment_of(name)]
             ]
-        # Objects are read by SDO, which is slow: to update them in each step would cost more than
+        # Objects are read by SDO, which is slow: updating them in each step would cost more than
         # the drive.
         if self._steps % _EVERY == 0:
             for rows in self._rows:
@@ -64,7 +64,7 @@ class _AxisRows:
             # A start-up SDO has this object with another length.
             except CoreError:
                 continue
-            if not axis.objects.is_mapped(key[0]):  # process data count where there are any
+            if not axis.objects.is_mapped(key[0]):  # process data have priority if mapped
                 self._taken.append(key)
 
     def _offer(self, key: tuple[int, int]) -> None:
@@ -95,4 +95,4 @@ class _AxisRows:
         try:
             self._segment.set_object(self._position, key[0] + self._base, key[1], data)
         except CoreError:
-            return  # the file of the device has it with another length
+            return  # the file of the device has another length for it

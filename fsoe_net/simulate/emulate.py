@@ -22,10 +22,10 @@ from fsoe_net.simulate.scenario_run import DeviceSide, ScenarioRun
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EmulateResult:
-    """What was seen while a segment was served.
+    """Observations while a segment was served.
 
     ``states`` are AL states by SubDevice, ``connections`` the states by connection. ``passed``:
-    every expectation held; without any, every connection is in Data.
+    every expectation was met; without any, every connection is in Data.
     """
 
     duration_ms: float
@@ -60,7 +60,7 @@ class SegmentSession(ScenarioRun):
     def _set_present(self, name: str, present: bool) -> None:
         segment = self._of(name)
         segment.set_present(segment.position(name), present)
-        if present:  # what is plugged in starts as after power-on, its FSoE end as well
+        if present:  # a reconnected device starts as after power-on, including its FSoE end
             self.network.devices[name].power_cycle()
 
     def _is_operational(self, name: str) -> bool:
@@ -74,7 +74,7 @@ class SegmentSession(ScenarioRun):
         self.engine.log(0, "run", f"{name} left alone: standard outputs are the MainDevice's")
 
     def step_devices(self, now_ns: int) -> None:
-        """Advance all devices by one step, and let them report the result."""
+        """Advance all devices by one step, and report the result to them."""
         super().step_devices(now_ns)
         self._objects.update()
         self._drives.update()
@@ -100,7 +100,7 @@ class SegmentSession(ScenarioRun):
         """Run a line as a step of a scenario now.
 
         Returns:
-            The answer: empty when there is nothing to do, else ``ok``, a status or the error.
+            The answer: empty if there is nothing to do, otherwise ``ok``, a status or the error.
         """
         try:
             command = self.do_command(line, number, now_ns)
@@ -138,7 +138,7 @@ class SegmentSession(ScenarioRun):
 
 
 class _Sides:
-    """Several segments, their sync managers counted on."""
+    """Several segments with consecutively numbered sync managers."""
 
     def __init__(self, segments: Sequence[Segment]) -> None:
         self._places = [(s, sm) for s in segments for sm in range(s.sm_count)]
@@ -168,14 +168,14 @@ def serve(
 
     Args:
         session: A fresh session.
-        link: Where to answer, of several buses the first.
-        duration_ns: How long; ``None`` until interrupted.
-        further: Where the further buses answer, in their order.
+        link: Interface of the bus, or of the first one.
+        duration_ns: Duration; ``None`` until interrupted.
+        further: Interfaces of the further buses, in their order.
         period_ns: Time between two steps of the devices; late steps are not caught up.
         on_step: Called before every step of the devices with the time since the start.
         on_update: Called about ten times a second with the time since the start.
-        on_link: Called once the interface answers.
-        stop: Ends it when it is set, as a keyboard interrupt does.
+        on_link: Called when the interface is ready.
+        stop: Event that ends it, like a keyboard interrupt.
 
     Raises:
         EnvironmentFault: The interface cannot be used.
@@ -187,7 +187,7 @@ def serve(
             on_link()
         start = time.monotonic_ns()
         now = next_ns = shown = 0
-        # An interrupt is the usual end; the result of the run is then returned as well.
+        # An interrupt is the usual end; the result of the run is still returned.
         try:
             while duration_ns is None or now < duration_ns:
                 if stop is not None and stop.is_set():
@@ -198,7 +198,7 @@ def serve(
                 if on_update is not None and now >= shown:
                     on_update(session, now)
                     shown = now + 100_000_000
-                # Late steps are left out: to catch up would make the devices faster than the bus.
+                # Late steps are skipped: catching up would make the devices faster than the bus.
                 next_ns = max(next_ns + period_ns, now)
                 time.sleep(max(0, next_ns - (time.monotonic_ns() - start)) / 1e9)
                 now = time.monotonic_ns() - start

@@ -68,7 +68,7 @@ def layout_json(core: Core, core_plan: CorePlan, plan: Plan, image_bytes: int) -
     sms = []
     for number, sm in enumerate(plan.sync_managers):
         base = core.sm_base(number)
-        # Absent or without process data: fsn-master does not list it either.
+        # Absent or without process data: fsn-master also omits it.
         if base is None or not core_plan.sm_sizes[number]:
             continue
         sms.append(
@@ -117,12 +117,12 @@ def layout_json(core: Core, core_plan: CorePlan, plan: Plan, image_bytes: int) -
 def subdevices_json(
     core: Core, plan: Plan, absent: Collection[str], returns: Mapping[str, int]
 ) -> list[dict[str, Any]]:
-    """Return ``subdevices``: on the emulated bus a SubDevice answers or it does not."""
+    """Return ``subdevices``: on the emulated bus, a SubDevice either answers or not."""
     rows = []
     for number, sub in enumerate(plan.subdevices):
         gone = sub.name in absent
         found = Found.RIGHT
-        # Absent by design and missing are different states for each reader.
+        # Absent by design and missing are different states for every reader.
         if gone:
             found = Found.NOTHING if plan.group_number(number) is None else Found.ABSENT
         sms = range(sub.first_sm, sub.first_sm + sub.sm_count)

@@ -22,7 +22,7 @@ _AUTO_PRESS_NS = 100_000_000
 
 
 def state_of(main: Port, sub: Port) -> ConnectionState:
-    """Return the state of a connection: of the end that lags, and for Data the kind."""
+    """Return the state of a connection: that of the end that lags, and for Data the kind."""
     # The enum has the states in the order of the start-up.
     order = list(State)
     state = min(main.instance.state, sub.instance.state, key=order.index)
@@ -41,11 +41,12 @@ class Engine:
         scenario: Steps and expectations, or ``None``: then reset is pressed once when all
             connections are in Data.
         set_present: Unplugs a SubDevice by name or plugs it in.
-        plug: Plugs a group in by name, or pulls it.
-        is_due: Whether a connection can be in Data: its ends are not of a group that is absent.
+        plug: Attaches or removes a group by name.
+        is_due: Whether a connection can be in Data, because its ends do not belong to an absent
+            group.
         set_output: Sets a standard output by symbol name.
         set_input: Sets a standard input by symbol name.
-        on_bus: Does what a step means for the bus itself.
+        on_bus: Applies a step to the bus itself.
     """
 
     def __init__(
@@ -95,13 +96,13 @@ class Engine:
             for name in scenario.logic.inputs or ():
                 network.set_good(name)
             for name, value in scenario.initial.items():
-                # After the defaults: initial values of the scenario win.
+                # After the defaults, because initial values of the scenario have priority.
                 network.set_safe_input(name, value)
 
     # -- before the devices step ----------------------------------------------------------------
 
     def act(self, now_ns: int) -> None:
-        """Do every step that is due."""
+        """Execute every step that is due."""
         while self._next_step < len(self._steps) and self._steps[self._next_step].at_ns <= now_ns:
             step = self._steps[self._next_step]
             self._next_step += 1
@@ -110,7 +111,7 @@ class Engine:
             self._press_once(now_ns)
 
     def do(self, step: ScenarioStep, now_ns: int, source: str = "scenario") -> None:
-        """Do one step that fits the network."""
+        """Execute one step that is valid for the network."""
         self.log(now_ns, source, _step_text(step))
         if step.action in (Action.PRESS, Action.RELEASE):
             self._press(step.action is Action.PRESS)
@@ -147,14 +148,13 @@ class Engine:
             device.logic.pressed = pressed
 
     def _press_once(self, now_ns: int) -> None:
-        """Without a scenario an operator must press reset, otherwise nothing would switch on."""
-        # Released in a later step than pressed: the logic needs to see both levels.
+        """Press reset as an operator; without a scenario, nothing would switch on otherwise."""
+        # Released in a later step than pressed, because the logic must see both levels.
         if self._auto_release_ns is not None and now_ns >= self._auto_release_ns:
             self._press(False)
             self._auto_release_ns = None
         times = self.time_to_data_ns
-        # All connections that should be there, and a little later: an earlier press would be
-        # ignored.
+        # All expected connections, and a little later: an earlier press would be ignored.
         settled = all(n in times for n in self.network.mains if self._is_due(n)) and (
             now_ns >= max(times.values(), default=0) + _AUTO_PRESS_NS
         )
@@ -172,7 +172,7 @@ class Engine:
             sub = self.network.subs[name]
             self._instance_events(name, main, now_ns)
             self._instance_events(name, sub, now_ns)
-            # The first time counts, as it is the start-up time.
+            # Only the first time counts, because it is the start-up time.
             if name not in self.time_to_data_ns and state_of(main, sub).in_data:
                 self.time_to_data_ns[name] = now_ns
         for device in self.network.masters:
@@ -204,14 +204,14 @@ class Engine:
                 self.log(now_ns, name, f"{end}: {state.value}", **facts)
                 continue
             if event.kind is EventKind.RESET_LOCAL:
-                # Reset 0 from state Reset is how each connection starts; it is not a disturbance.
+                # Reset 0 in state Reset is how each connection starts; it is not a disturbance.
                 first = port.is_main and event.state_before is State.RESET and event.code == 0
                 if not first:
                     self.resets[name] += 1
                     self.last_reset[name] = event.code
                 text = f"{end} resets: {reset_code_text(event.code)}"
                 self.log(now_ns, name, text, code=event.code, kind=RunEventKind.RESET, end=side)
-            # The same reset, seen by the other end: it is counted once.
+            # The same reset at the other end: it is counted once.
             else:
                 text = f"{end} was reset by its peer: {reset_code_text(event.code)}"
                 self.log(now_ns, name, text, code=event.code)
@@ -220,19 +220,19 @@ class Engine:
         for number, expectation in enumerate(self._open):
             if number in self._done or now_ns < expectation.from_ns:
                 continue
-            # The first mismatch is kept; what follows is often a consequence.
+            # The first mismatch is kept; later ones are often consequences.
             if number not in self._failed:
                 seen = self._mismatch(expectation)
                 if seen:
                     self._failed[number] = f"{seen} at {now_ns / 1e6:g} ms"
-            # At its end and not before: an expectation must hold for the whole interval.
+            # At its end and not before: an expectation must be met during the whole interval.
             if now_ns >= expectation.to_ns:
                 self._done.add(number)
 
     def _mismatch(self, expectation: Expectation) -> str:
         """Return the actual observation, or an empty text."""
         most = math.inf if expectation.max_resets is None else expectation.max_resets
-        # A connection that is absent by design is in no state.
+        # A connection that is absent by design has no state.
         due = filter(self._is_due, self.network.mains)
         names = [expectation.connection] if expectation.connection else list(due)
         for name in names:
@@ -266,7 +266,7 @@ class Engine:
             )
 
     def verdicts(self) -> tuple[ExpectationResult, ...]:
-        """Return the verdict on every expectation; one that never came due has not held."""
+        """Return the verdict on every expectation; one that was never due has failed."""
         rows = []
         for number, expectation in enumerate(self._open):
             seen = self._failed.get(number, "")
@@ -332,7 +332,7 @@ def _expectation_text(e: Expectation) -> str:
 
 
 def _agrees(wanted: str, state: ConnectionState) -> bool:
-    """Whether a connection is in the state that is expected; any Data is ``data``."""
+    """Whether a connection is in the expected state; ``data`` matches any Data state."""
     if wanted == "data" and state.in_data:
         return True
     return wanted in ("", state)

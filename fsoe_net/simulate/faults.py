@@ -1,4 +1,4 @@
-"""What steps do to an emulated segment: cables, identities, mailboxes, frames."""
+"""Effects of steps on an emulated segment: cables, identities, mailboxes, frames."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ _MS = 1_000_000
 def apply_step(segments: Sequence[Segment], step: ScenarioStep) -> None:
     """Apply a step to the segment; steps without an effect on it are ignored.
 
-    Of several buses it is the one with the SubDevice that the step names, else all of them.
+    With several buses, it applies to the one with the SubDevice of the step, or to all of them.
 
     Raises:
-        CoreError: More SDO aborts than a SubDevice can keep.
+        CoreError: More SDO aborts than a SubDevice can store.
     """
-    # Values of several SubDevices in one step; each can be on another bus.
+    # Values of several SubDevices in one step; each can be on a different bus.
     if step.action in _EACH:
         for name, value in step.values.items():
             for segment in _with(segments, name):

@@ -1,4 +1,4 @@
-"""Writes an incident file when a connection of an emulated run leaves Data or never gets there."""
+"""Writes an incident file if a connection of an emulated run leaves Data or never reaches it."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _MOST_FILES = 50
 
 @dataclass(slots=True)
 class _Open:
-    """An incident whose window is not over yet; the head is that of its moment."""
+    """An incident whose window has not ended; the head is from its moment."""
 
     name: str
     until_ns: int
@@ -45,7 +45,7 @@ class _Open:
 
 @dataclass(slots=True)
 class _Ring:
-    """The newest cycles, as many as fit into time and bytes."""
+    """The newest cycles, limited by time and bytes."""
 
     rows: deque[CycleRecord] = field(default_factory=deque)
     bytes: int = 0
@@ -100,13 +100,13 @@ class IncidentRecorder:
         self._begun = 0
 
     def cycle(self, now_ns: int) -> None:
-        """Take the cycle that has just run; ``now_ns`` is the time of the run."""
+        """Record the cycle that has just run; ``now_ns`` is the time of the run."""
         core = self._session.core
         seen = core.cycle_image()
         # The cycle of a paused core is the same one again.
         if self._last is None or seen.cycle != self._last.cycle:
             self._keep(seen)
-        # The core has a clock of its own; the difference to the time of the run is constant.
+        # The core has its own clock; the difference to the time of the run is constant.
         if self._base_ns is None:
             self._base_ns = seen.now_ns - now_ns
         self._look_at_subdevices(seen.now_ns)
@@ -142,8 +142,8 @@ class IncidentRecorder:
                 now_ns=seen.now_ns,
                 lost=seen.lost_frames - (last.lost_frames if last else 0),
                 old=seen.old_replies - (last.old_replies if last else 0),
-                # `lost`, `old` and `foreign` are counters since the start; a record has those of
-                # its cycle.
+                # `lost`, `old` and `foreign` are counters since the start; a record contains those
+                # of its cycle.
                 foreign=seen.foreign_frames - (last.foreign_frames if last else 0),
                 wkc=(seen.expected_wkc, seen.actual_wkc) if short else None,
                 image=seen.image,
@@ -187,7 +187,7 @@ class IncidentRecorder:
             self._parameters(event, name)
             return
         due = self._session.is_due(name)
-        # Leaving Data is an incident only if the connection should be there.
+        # Leaving Data is an incident only if the connection should be present.
         left = event.before.in_data and not event.after.in_data and due
         keys: dict[str, Any] = {
             "connection": name,
@@ -247,13 +247,13 @@ class IncidentRecorder:
         self._events.append(row | {"text": text} | keys)
 
     def _begin(self, kind: TriggerKind, event: CoreEvent | None, now_ns: int, text: str) -> None:
-        # One file at a time: what follows within its time belongs to the same incident.
+        # One file at a time: later events within its window belong to the same incident.
         if self._open is not None or self._last is None:
             return
         self._begun += 1
-        # A bus that fails again and again must not fill the disk.
+        # A bus that fails repeatedly must not fill the disk.
         if self._begun > _MOST_FILES:
-            # Reported once and not for each file that was left out.
+            # Reported once, not for each omitted file.
             if self._begun == _MOST_FILES + 1:
                 with self._lock:
                     self._outcome.append(
@@ -295,7 +295,7 @@ class IncidentRecorder:
         self._open = _Open(incident_name(utc, what), now_ns + _AFTER_NS, head)
 
     def _close(self, opened: _Open) -> None:
-        """The window is over: complete the head with the facts known now."""
+        """End the window: complete the head with the facts known now."""
         self._open = None
         session = self._session
         head = (

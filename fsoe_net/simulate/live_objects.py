@@ -1,4 +1,4 @@
-"""What FSoE devices report of themselves over CoE, kept up to date while they live."""
+"""Reports of FSoE devices about themselves over CoE, kept up to date."""
 
 from __future__ import annotations
 
@@ -29,20 +29,19 @@ _Row = tuple[int, int, bytes]
 
 
 class LiveObjects:
-    """Writes objects of all FSoE devices to a segment, when they have changed.
+    """Writes changed objects of all FSoE devices to a segment.
 
     ``0xF980:01`` … are the addresses of the SubInstances of a device. The communication parameters
-    of a connection are in the same objects as in real devices, derived from the objects its frame
-    is mapped from: ``0x9nn1`` for ``0x6nn0`` and ``0x7nn0``, with its state in ``0xAnn0:01``;
-    ``0xE9n1`` and ``0xEAn0`` for ``0xE6n0`` and ``0xE7n0``; ``0x6791`` for the frame of a CiA 402
-    drive. The first 16 connections of the MainInstances of a device are also in ``0xE901``,
-    ``0xE911``, …
+    of a connection are in the same objects as in real devices, derived from the mapped objects of
+    its frame: ``0x9nn1`` for ``0x6nn0`` and ``0x7nn0``, with its state in ``0xAnn0:01``; ``0xE9n1``
+    and ``0xEAn0`` for ``0xE6n0`` and ``0xE7n0``; ``0x6791`` for the frame of a CiA 402 drive. The
+    first 16 connections of the MainInstances of a device are also in ``0xE901``, ``0xE911``, …
     Subindices: ``:01`` version, ``:02`` address, ``:03`` connection ID, ``:04`` watchdog in ms,
     ``:05`` unique device ID (zeros), ``:06`` side (0 MainInstance, 1 SubInstance), ``:07`` and
     ``:08`` lengths of the communication and application parameters in bytes. A SubInstance has the
     values from its MainInstance, 0 before.
 
-    Source: manuals of several makers, e.g. Bosch Rexroth ctrlX SAFETY (0x9nn1), SICK microScan3
+    Source: manuals of several vendors, e.g. Bosch Rexroth ctrlX SAFETY (0x9nn1), SICK microScan3
     (0x9001, 0xA000), Yaskawa SLIO safety modules (0x9001), Beckhoff AX8000 (0xE901), Novanta
     (0x6791), which name ETG.5001.4 and ETG.6100.3.
 
@@ -72,7 +71,7 @@ class LiveObjects:
 
 
 def _rows(device: EmulatedDevice) -> Iterator[_Row]:
-    # The object has a sub-index for each address, at most 255.
+    # The object has a subindex for each address, at most 255.
     addresses = [p.instance.config.address for p in device.ports if not p.is_main][:255]
     if addresses:
         yield _ADDRESSES, 0, bytes([len(addresses)])
@@ -93,7 +92,7 @@ def _rows(device: EmulatedDevice) -> Iterator[_Row]:
 
 
 def _parameters_at(port: Port) -> int:
-    """Return the object of a connection's parameters; 0 when no profile defines it."""
+    """Return the object of a connection's parameters; 0 if no profile defines it."""
     connection = port.setup.connection
     sent = connection.to_sub if port.is_main else connection.to_main
     if sent.source.block is None:

@@ -22,7 +22,7 @@ class Port:
     """One FSoE end of a device and the places of its frames.
 
     ``is_main``: it is the MainInstance of its connection. ``receives`` and ``sends`` name the safe
-    data; ``safe`` is what the end sends while enabled.
+    data; ``safe`` are the data that the end sends while enabled.
     """
 
     setup: FsoeSetup
@@ -37,9 +37,9 @@ class Port:
     sends: dict[str, Signal]
     safe: bytearray
     mirrored: list[str] = field(default_factory=list)
-    """Values a SubInstance sends as it receives them: what a drive received, it reports."""
+    """Values that a SubInstance sends back as received: a drive reports received commands."""
     reported: dict[str, int] = field(default_factory=dict)
-    """Values that an emulated axis reports: 1 for a safety function that acts."""
+    """Values that an emulated axis reports: 1 for an active safety function."""
 
     def received(self, name: str) -> int:
         """Return a received safe value; 0 while the data are not valid."""
@@ -50,7 +50,7 @@ def main_port(setup: FsoeSetup, session_ids: SessionIds) -> Port:
     """Build the end in the safety master."""
     c = setup.connection
     instance = MainInstance(setup.main, session_ids=session_ids)
-    # Names of safe data are those of the SubInstance; the slots of a logic are mere numbers.
+    # Names of safe data are those of the SubInstance; the slots of a logic have only numbers.
     return _port(setup, instance, c.to_main.destination, c.to_sub.source, named_by_sub=True)
 
 

@@ -1,4 +1,4 @@
-"""Whether a scenario fits a network: every name it uses exists and every value can be stored."""
+"""Checks that a scenario is valid for a network: names exist and values can be stored."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _Range = tuple[int, int]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScenarioNames:
-    """What a scenario may name in one network; values of signals with their range."""
+    """Valid names of a scenario for one network; values of signals with their range."""
 
     safe_inputs: Mapping[str, _Range]
     safe_outputs: Mapping[str, _Range]
@@ -68,7 +68,7 @@ def _range(symbol: PlanSymbol) -> _Range:
 
 
 def _owned(symbol: PlanSymbol, plan: Plan) -> bool:
-    """Whether a copy writes bits of this output, so that no other writer may."""
+    """Whether a copy writes bits of this output; then no other writer may."""
     return any(
         copy.destination_sm == symbol.sm
         and copy.destination_bit < symbol.bit_offset + symbol.bits
@@ -78,10 +78,10 @@ def _owned(symbol: PlanSymbol, plan: Plan) -> bool:
 
 
 def check_scenario(scenario: Scenario, names: ScenarioNames) -> list[Diagnostic]:
-    """Return errors: unknown names (FSN116) and values that fit no bits (FSN113)."""
+    """Return errors: unknown names (FSN116) and values out of range (FSN113)."""
     check = _Check(names)
     check.values(scenario.initial, names.safe_inputs, "safe input", scenario)
-    # Names are unknown until the network is known; the file itself was checked when it was read.
+    # Names can only be checked with the network; the file itself was checked when it was read.
     for name in scenario.logic.inputs or ():
         check.known(name, names.safe_inputs, "safe input", scenario.at("logic"))
     for name in scenario.logic.outputs or ():
@@ -144,7 +144,7 @@ class _Check:
 
     def _segment_step(self, step: ScenarioStep) -> None:
         names, span = self.names, step.at(step.action.value)
-        # A run has no cables: the step would do nothing, and the expectation after it would
+        # A run has no cables: the step would have no effect, and the following expectation would
         # mislead.
         if not names.segment:
             message = f"{step.action.value} needs cables, mailboxes and frames; a run has none"

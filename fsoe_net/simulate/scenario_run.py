@@ -1,4 +1,4 @@
-"""What every run has: a plan, the devices of its network, a scenario, the engine between them."""
+"""Common parts of every run: a plan, the devices of its network, a scenario, and the engine."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from fsoe_net.simulate.commands import CommandError, EmulationCommand, parse_com
 from fsoe_net.simulate.engine import Engine
 from fsoe_net.simulate.scenario_check import ScenarioNames, check_scenario, check_step
 
-DEFAULT_CYCLE_NS = 1_000_000  # when no file states a bus cycle
+DEFAULT_CYCLE_NS = 1_000_000  # if no file states a bus cycle
 
 
 class DeviceSide(Protocol):
-    """A bus as its devices see it; sync managers by their number in the plan."""
+    """The device side of a bus; sync managers by their number in the plan."""
 
     def read_outputs(self, sm: int) -> bytes:
-        """Return the newest outputs, whole."""
+        """Return the newest outputs of one cycle."""
 
     def write_inputs(self, sm: int, data: bytes) -> None:
-        """Publish inputs, whole."""
+        """Publish inputs, all at once."""
 
 
 class _Port:
@@ -59,7 +59,7 @@ class ScenarioRun(abc.ABC):
         session_ids: Source of FSoE session ids.
 
     Raises:
-        PlanFormatError: The core refuses the plan.
+        PlanFormatError: The core rejects the plan.
         CoreMissing: The compiled part is missing.
     """
 
@@ -80,12 +80,12 @@ class ScenarioRun(abc.ABC):
         self.plan = CorePlan.load(plan_bytes)
         self.records = decode_plan(plan_bytes)
         self.network = build_network(resolution, session_ids)
-        # With a scenario, the engine chooses the logic.
+        # With a scenario, the engine selects the logic.
         if scenario is None:
             self.network.choose_logic(LogicChoice())
         self._engine: Engine | None = None
         self._ports: dict[str, _Port] = {}
-        # Of groups that share a place, only the first one is there at the start.
+        # Of groups with the same place, only the first one is present at the start.
         self.away = {
             self.plan.subdevice_names[group.first_subdevice + number]
             for group in self.records.groups
@@ -102,7 +102,7 @@ class ScenarioRun(abc.ABC):
 
     @abc.abstractmethod
     def _open(self) -> DeviceSide:
-        """Make the bus of the plan and return it as the devices see it."""
+        """Create the bus of the plan and return its device side."""
 
     def scenario_findings(self) -> list[Diagnostic]:
         """Return names in the scenario that the network does not have."""
@@ -122,7 +122,7 @@ class ScenarioRun(abc.ABC):
             The command; ``None`` for an empty line.
 
         Raises:
-            CommandError: It is not a command, or does not fit the network.
+            CommandError: The line is not a command, or is invalid for the network.
         """
         command = parse_command(line, number)
         if command is not None and command.step is not None:
@@ -136,12 +136,12 @@ class ScenarioRun(abc.ABC):
         return command
 
     def names(self) -> ScenarioNames:
-        """Return the names that a scenario may use here."""
+        """Return the names that are valid in a scenario for this run."""
         return ScenarioNames.of(self.network, self.records, segment=self.has_segment)
 
     @property
     def engine(self) -> Engine:
-        """The engine of this run; made on first use, after the scenario was found good."""
+        """The engine of this run; created on first use, after the scenario was checked."""
         if self._engine is None:
             self._engine = Engine(
                 self.network,
@@ -164,7 +164,7 @@ class ScenarioRun(abc.ABC):
         """Return whether outputs reach a SubDevice."""
 
     def is_due(self, connection: str) -> bool:
-        """Return whether both ends of a connection are present, or must be."""
+        """Return whether both ends of a connection are present or always required."""
         setup = self.network.subs[connection].setup.connection
         return not {setup.main.name, setup.sub.name} & self.away
 
@@ -173,15 +173,15 @@ class ScenarioRun(abc.ABC):
         for number in range(group.subdevice_count):
             member = self.plan.subdevice_names[group.first_subdevice + number]
             self._set_present(member, present)
-            # A device that is plugged in starts from power-up.
+            # A device that is plugged in starts from power-on.
             if present and member in self.network.devices:
                 self.network.devices[member].power_cycle()
             (self.away.discard if present else self.away.add)(member)
-        # After all members have changed: the logic must not see half a group.
+        # After all members have changed: the logic must not see an incomplete group.
         self._tell_logic()
 
     def _tell_logic(self) -> None:
-        """Safety logic ignores a connection whose other end is absent by design."""
+        """Make safety logic ignore connections whose other end is absent by design."""
         away = {name for name in self.network.mains if not self.is_due(name)}
         for device in self.network.masters:
             device.away = away

@@ -1,4 +1,4 @@
-"""Runs: virtual (one thread, as fast as it goes, repeatable) and live (the core has its thread)."""
+"""Runs: virtual (one thread, fast and repeatable) and live (the core has its own thread)."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from fsoe_net.simulate.incidents import IncidentRecorder
 from fsoe_net.simulate.port import Port
 from fsoe_net.simulate.scenario_run import DEFAULT_CYCLE_NS, DeviceSide, ScenarioRun
 
-_BACK_NS = 30_000  # a frame on a small segment is back after some microseconds
+_BACK_NS = 30_000  # a frame on a small segment returns after some microseconds
 
 
 class BusCapture:
-    """Turns the image of every cycle into EtherCAT frames, on their way out and back.
+    """Converts the image of every cycle to EtherCAT frames, on their way out and back.
 
     Args:
         writer: Output of the frames.
-        core: Runs the plan on the emulated bus; no other caller may run a cycle.
+        core: Core that runs the plan on the emulated bus; no other caller may run a cycle.
         plan: The same plan.
     """
 
@@ -45,9 +45,9 @@ class BusCapture:
         self._sent_ns = 0
 
     def cycle(self, now_ns: int) -> None:
-        """Take the cycle that has just run.
+        """Record the cycle that has just run.
 
-        Its inputs came back in the frame that left with the outputs of the cycle before.
+        Its inputs returned in the frame with the outputs of the previous cycle.
         """
         image = self._core.image()
 
@@ -106,10 +106,10 @@ class Session(ScenarioRun):
         self.core.set_output(self.plan.outputs[name], value)
 
     def _on_bus(self, _step: ScenarioStep) -> None:
-        """The emulated bus carries process data only: no action."""
+        """Do nothing: the emulated bus only carries process data."""
 
     def connections(self, snapshot: Snapshot) -> tuple[ConnectionResult, ...]:
-        """Return every connection as devices and core see it now."""
+        """Return every connection in the current view of devices and core."""
         rows = zip(self.network.setups, snapshot.connections, strict=True)
         return tuple(self._connection(n, wire) for n, (_, wire) in enumerate(rows))
 
@@ -158,11 +158,11 @@ class Session(ScenarioRun):
         )
 
     def result(self, mode: str, duration_ns: int, *, devices_stood_ns: int = 0) -> Run:
-        """Return the result of a run that has ended.
+        """Return the result of a completed run.
 
         Args:
             mode: ``live`` or ``virtual``.
-            duration_ns: How long it was.
+            duration_ns: Duration of the run.
             devices_stood_ns: Longest time between two steps of the devices.
         """
         self.engine.finish(duration_ns)
@@ -187,7 +187,7 @@ class Session(ScenarioRun):
 
 
 def _data_kind(receiver: Port) -> str:
-    """Return the data an end receives: ``process``, ``failsafe``, or ``none`` outside Data."""
+    """Return the data that an end receives: ``process``, ``failsafe``, or ``none`` outside Data."""
     if receiver.instance.state is not State.DATA:
         return "none"
     return "process" if receiver.instance.data_valid else "failsafe"
@@ -214,20 +214,21 @@ def run_virtual(
     """Run in virtual time: one cycle and one step of every device after the other.
 
     The same session gives the same result, byte for byte. A keyboard interrupt ends the run early;
-    its result is still returned. ``capture`` takes the frames a bus would carry; ``incidents``
-    writes a file when a connection fails.
+    its result is still returned. ``capture`` receives the frames of an equivalent bus;
+    ``incidents`` writes a file if a connection fails.
     """
     bus = None if capture is None else BusCapture(capture, session.core, session.records)
     cycle_ns = session.cycle_ns
     cycles = max(1, duration_ns // cycle_ns)
-    # Looked up once: this loop runs a million times.
+    # Looked up once, because this loop runs a million times.
     cycle, step = session.core.cycle, session.step_devices
     now_ns = 0
     try:
         for number in range(1, cycles + 1):
             now_ns = number * cycle_ns
             cycle(now_ns)
-            # After the cycle and before the devices answer: these are the frames of this cycle.
+            # After the cycle and before the devices answer, so that these are the frames of this
+            # cycle.
             if bus is not None:
                 bus.cycle(now_ns)
             if incidents is not None:
@@ -248,14 +249,14 @@ def run_live(
     on_update: Callable[[RunUpdate], None] | None = None,
     incidents: IncidentRecorder | None = None,
 ) -> Run:
-    """Run in real time: the core cycles in its own C thread, the devices live at their own pace.
+    """Run in real time: the core runs in its own C thread, the devices have their own cycle.
 
     Args:
         session: A fresh session.
-        duration_ns: How long.
+        duration_ns: Duration.
         device_period_ns: Time between two steps of the devices.
-        on_update: Called about ten times a second with what is seen now.
-        incidents: Writes a file when a connection fails; sees one cycle per step of the devices.
+        on_update: Called about ten times a second with the current observations.
+        incidents: Writes a file if a connection fails; records one cycle per step of the devices.
 
     A keyboard interrupt ends the run early; its result is still returned. An error in the device
     thread is raised here.
@@ -327,7 +328,7 @@ class _Live:
                 )
 
     def _devices(self) -> None:
-        """Step all devices at their period; late steps are not caught up."""
+        """Step all devices at their period; late steps are skipped."""
         try:
             next_ns = last_ns = self._now()
             while not self._stop.is_set():

@@ -1,4 +1,4 @@
-"""The FSoE facts of an emulated connection; missing ones are chosen and reported."""
+"""The FSoE facts of an emulated connection; missing ones are selected and reported."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ DEFAULT_WATCHDOG_MS = 100  # the default of TwinSAFE
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FsoeSetup:
-    """What both ends of a connection run with.
+    """Configuration of both ends of a connection.
 
-    ``main`` configures its MainInstance; ``chosen`` names what of it no file states.
+    ``main`` configures its MainInstance; ``chosen`` names the facts that no file states.
     """
 
     connection: Connection
@@ -38,10 +38,10 @@ def choose_setups(resolution: Resolution) -> list[FsoeSetup]:
 
     Raises:
         ConfigError: A fact is outside its range.
-        PduSizeError: A frame has a length that FSoE has not.
+        PduSizeError: A frame has an invalid length.
     """
     rows = resolution.connections
-    # Stated numbers are reserved before any is chosen: a later connection may state a low one.
+    # Stated numbers are reserved first, because a later connection may state a low one.
     used_ids = {c.stated.connection_id for c in rows}
     used_addresses = {c.stated.address for c in rows}
     ids = (n for n in range(1, 0x10000) if n not in used_ids)
@@ -63,7 +63,7 @@ def choose_setups(resolution: Resolution) -> list[FsoeSetup]:
                     safe_in_bytes=safe_data_length(connection.to_main.transfer.size_bytes),
                     app_parameters=stated.app_parameters,
                 ),
-                # Chosen values are reported, because the real device has others.
+                # Selected values are reported, because the real device has others.
                 chosen=tuple(name for name in names if getattr(stated, name) is None),
             )
         )

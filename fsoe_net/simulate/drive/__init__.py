@@ -1,1 +1,1 @@
-"""Emulated drives by CiA 402: state machine, motion, safety functions, motor. Time is given."""
+"""Emulated drives by CiA 402: state machine, motion, safety functions, motor; time is given."""

@@ -1,4 +1,4 @@
-"""One emulated axis: controlword and targets in, motor and safety functions, statusword out."""
+"""One emulated axis: controlword and targets in; motor, safety functions and statusword out."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from fsoe_net.simulate.drive.servo import Limits, Servo
 
 # The gains in `servo` are chosen for steps of this length.
 _STEP_NS = 250_000
-_LONGEST_NS = 1_000_000_000  # a device that stood for longer has not moved meanwhile
+_LONGEST_NS = 1_000_000_000  # a device that paused for longer has not moved in the meantime
 _HALT = 1 << 8
 _VOLTAGE, _REMOTE, _LIMIT_ACTIVE = 1 << 4, 1 << 9, 1 << 11
 _AT_REST = 0.02  # rad/s
@@ -43,16 +43,16 @@ _MODE_OF_TARGET = {0x607A: 8, 0x60FF: 9, 0x6071: 10}
 
 
 class FaultCode:
-    """Error codes (0x603F) that an emulated axis gives itself (IEC 61800-7-201)."""
+    """Error codes (0x603F) that an emulated axis reports itself (IEC 61800-7-201)."""
 
-    STO = 0x5441  # of the maker; drives differ
+    STO = 0x5441  # vendor-specific; drives differ
     COMMUNICATION = 0x7500
     FOLLOWING_ERROR = 0x8611
     POSITION_LIMIT = 0x8612
 
 
 class EmulatedAxis:
-    """See the module.
+    """One emulated axis; see the module docstring.
 
     Args:
         axis: Its process data.
@@ -61,7 +61,7 @@ class EmulatedAxis:
 
     Attributes:
         power: Its state.
-        safe: Its safety functions; without any the torque is never taken.
+        safe: Its safety functions; without any, the torque is never removed.
         context: Reference and motor.
     """
 
@@ -74,7 +74,7 @@ class EmulatedAxis:
         self.configure(DriveSetup())
 
     def configure(self, setup: DriveSetup) -> None:
-        """Take another motor, load and limits, and switch on."""
+        """Apply another motor, load and limits, and switch on."""
         self.setup = setup
         plant = Plant(setup.inertia_kgm2, setup.friction_nm, setup.damping_nms)
         plant.angle = setup.position_rev * math.tau
@@ -89,7 +89,7 @@ class EmulatedAxis:
         self.power_cycle()
 
     def wait_for_sdos(self) -> None:
-        """Take the values of start-up SDOs only when they come: there is a mailbox."""
+        """Apply the values of start-up SDOs only when they arrive through the mailbox."""
         self._stated = {}
         self.objects.start(self.setup, self._stated)
 
@@ -121,8 +121,8 @@ class EmulatedAxis:
         Args:
             now_ns: Current time.
             image: Returns the outputs of a sync manager.
-            demand: Demand in the safe data; ``None`` for a drive without safety functions.
-            operational: Whether outputs arrive: the device is in OP.
+            demand: Request in the safe data; ``None`` for a drive without safety functions.
+            operational: Whether outputs arrive, because the device is in OP.
         """
         if operational:
             self.objects.receive(image)
@@ -139,12 +139,12 @@ class EmulatedAxis:
         self._show()
 
     def trip(self, error_code: int) -> None:
-        """Let a fault happen now."""
+        """Trigger a fault now."""
         self.power.trip(error_code)
 
     @property
     def controlword(self) -> int:
-        """As received last."""
+        """Last received controlword."""
         return self.objects.value(0x6040)
 
     def _limit(self) -> None:
@@ -178,7 +178,8 @@ class EmulatedAxis:
         # Option codes 5 to 8 of 0x605A: the drive stays in Quick stop active.
         power.stays_stopped = self.objects.value(0x605A) >= 5
         power.step(self.controlword, standing=standing, safe_stop=self._safe_stop)
-        # After the transition: torque that a safety function takes must win over any command.
+        # After the transition: removal of the torque by a safety function must override any
+        # command.
         self._torque_taken = has_safety and self.safe.torque_off
         if self._torque_taken:
             power.take_torque(FaultCode.STO if self.setup.sto_is_fault else 0)
@@ -233,7 +234,7 @@ class EmulatedAxis:
         self._sense()
 
     def _stops_quickly(self) -> bool:
-        """Whether the ramp is that of a quick stop, also for faults and SS1."""
+        """Whether the quick-stop ramp applies, also for faults and SS1."""
         return self.power.state is not PdsState.OPERATION_ENABLED
 
     def _brakes(self) -> bool:
@@ -244,7 +245,7 @@ class EmulatedAxis:
         )
 
     def _watch(self, step_s: float) -> None:
-        """Following error, and limit switches."""
+        """Supervise the following error and the limit switches."""
         servo, objects = self.context.servo, self.objects
         # Window 0 switches the supervision off.
         window = objects.value(0x6065) / self.context.counts_per_rad
@@ -310,5 +311,5 @@ class EmulatedAxis:
 
 
 def _wrapped(counts: int) -> int:
-    """Return a position as 32 bits show it."""
+    """Return a position wrapped to 32 bits."""
     return (counts + (1 << 31)) % (1 << 32) - (1 << 31)

@@ -1,4 +1,4 @@
-"""Homing of an emulated axis: where it is made to show the home offset (0x607C)."""
+"""Homing of an emulated axis: the position at which it shows the home offset (0x607C)."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from fsoe_net.simulate.drive.modes import BIT_12, BIT_13, TARGET_REACHED, ModeBa
 
 _START = 1 << 4
 _NEGATIVE, _POSITIVE, _HOME = 0, 1, 2
-# Method: switch, its state once the axis has been sent towards it, direction towards it, and the
-# direction in which the edge that counts is passed (IEC 61800-7-201, methods without index pulse).
+# Method: switch, its state after the axis was sent towards it, direction towards it, and the
+# direction in which the relevant edge is passed (IEC 61800-7-201, methods without index pulse).
 _METHODS = {
     17: (_NEGATIVE, -1, +1),
     18: (_POSITIVE, +1, -1),
@@ -25,7 +25,7 @@ _HERE = (35, 37)
 class _Phase(enum.Enum):
     IDLE = enum.auto()
     SEEK = enum.auto()  # fast towards the switch
-    LEAVE = enum.auto()  # slowly off it again
+    LEAVE = enum.auto()  # slowly away from it
     APPROACH = enum.auto()  # slowly onto it
     STOP = enum.auto()
     DONE = enum.auto()
@@ -35,7 +35,7 @@ class _Phase(enum.Enum):
 class Homing(ModeBase):
     """Homing by methods 17 … 22, 35 and 37; any other is a homing error.
 
-    Bit 4 of the controlword starts it and interrupts it when it is taken back.
+    Bit 4 of the controlword starts homing and interrupts it when it is cleared.
     """
 
     def __init__(self, context: MotionContext) -> None:
@@ -65,7 +65,7 @@ class Homing(ModeBase):
             self._phase = _Phase.FAILED
 
     def move(self, step_s: float) -> None:
-        """Go on."""
+        """Advance by a time step."""
         c = self.c
         wanted = self._speed()
         ramp = c.ramp(0x609A)
@@ -75,22 +75,22 @@ class Homing(ModeBase):
             self._phase = _Phase.DONE
 
     def _speed(self) -> float:
-        """Return the speed of the phase, which a switch may change."""
+        """Return the speed of the phase; a switch may change the phase."""
         c, towards = self.c, self._towards
         on = c.switches[self._switch]
         fast, slow = abs(c.rad(0x6099, 1)), abs(c.rad(0x6099, 2))
         if self._phase is _Phase.SEEK:
-            # The end of travel before the switch: this homing method cannot succeed.
+            # The end of travel is before the switch, so this homing method cannot succeed.
             if not on:
                 end = c.switches[_POSITIVE if towards > 0 else _NEGATIVE]
                 self._phase = _Phase.FAILED if end else _Phase.SEEK
                 return 0.0 if end else towards * fast
-            # From the switch the axis first leaves it, so that the edge is found at low speed.
+            # From the switch, the axis first moves away, so that the edge is found at low speed.
             self._phase = _Phase.LEAVE
         if self._phase is _Phase.LEAVE:
             if on:
                 return -towards * slow
-            # The method needs the edge from the other side: it is approached once more.
+            # The method needs the edge from the other side: approach it again.
             if self._passing != towards:
                 return self._found()
             self._phase = _Phase.APPROACH

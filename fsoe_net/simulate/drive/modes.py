@@ -1,4 +1,4 @@
-"""Modes of operation of an emulated axis: each makes a reference or a torque in every time step."""
+"""Modes of operation of an emulated axis: each sets a reference or a torque in every time step."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from fsoe_net.simulate.drive.objects import AxisObjects
 from fsoe_net.simulate.drive.servo import Limits, Servo
 
 TARGET_REACHED, BIT_12, BIT_13 = 1 << 10, 1 << 12, 1 << 13
-_SMOOTH = 0.08  # of a target that is not where it was expected: so much in a cycle
+_SMOOTH = 0.08  # share of the deviation from the expected target that is corrected in a cycle
 _NEW_SET_POINT, _AT_ONCE, _RELATIVE = 1 << 4, 1 << 5, 1 << 6
 
 
 @dataclass(slots=True)
 class MotionContext:
-    """What a mode works on.
+    """Context of a mode.
 
     Attributes:
-        origin: Angle in rad where the axis shows 0.
-        counts_per_rad: Of the position it shows.
+        origin: Angle in rad at which the axis shows 0.
+        counts_per_rad: Counts per rad of the displayed position.
         switches: Negative limit, positive limit, home switch.
     """
 
@@ -37,21 +37,21 @@ class MotionContext:
         return self.objects.value(index, subindex) / self.counts_per_rad
 
     def ramp(self, index: int) -> float:
-        """Return an acceleration; 0 would never get anywhere."""
+        """Return an acceleration, never 0, which would not reach any target."""
         return max(abs(self.rad(index)), 1 / self.counts_per_rad)
 
     def angle_of(self, counts: int) -> float:
-        """Return the angle of a position in counts: of all that look so in 32 bits, the nearest."""
+        """Return the angle of a position in counts: the nearest of those with the same 32 bits."""
         shown = self.shown(self.servo.plant.angle)
         away = (counts - shown + (1 << 31)) % (1 << 32) - (1 << 31)
         return (shown + away) / self.counts_per_rad + self.origin
 
     def shown(self, angle: float) -> int:
-        """Return the position in counts, not yet cut to 32 bits."""
+        """Return the position in counts, not yet wrapped to 32 bits."""
         return round((angle - self.origin) * self.counts_per_rad)
 
     def within_limits(self, angle: float) -> float:
-        """Return the nearest angle that the position limits (0x607D) allow."""
+        """Return the nearest angle that is within the position limits (0x607D)."""
         low, high = (self.objects.value(0x607D, n) for n in (1, 2))
         # Both are 0 where the setup has no limits.
         if low >= high:
@@ -66,23 +66,23 @@ class ModeBase(abc.ABC):
     watches_error = False
     """Whether a following error is a fault."""
     minds_switches = False
-    """Whether a limit switch stops it: it has no target that position limits could cut."""
+    """Whether a limit switch stops it, as it has no target for position limits to clip."""
 
     def __init__(self, context: MotionContext) -> None:
         self.c = context
 
     @abc.abstractmethod
     def command(self, controlword: int, passed_s: float) -> None:
-        """Take the received values.
+        """Process the received values.
 
         Args:
-            controlword: As it is.
-            passed_s: Time that this step of the device is going to take.
+            controlword: Current controlword.
+            passed_s: Duration of this step of the device.
         """
 
     @abc.abstractmethod
     def move(self, step_s: float) -> None:
-        """Take a time step."""
+        """Advance by a time step."""
 
     @abc.abstractmethod
     def bits(self) -> int:
@@ -93,7 +93,7 @@ class NoMode(ModeBase):
     """No mode: the axis holds its position."""
 
     def command(self, controlword: int, passed_s: float) -> None:
-        """Ignore it."""
+        """Ignore the command."""
 
     def move(self, step_s: float) -> None:
         """Stop and hold."""
@@ -102,15 +102,15 @@ class NoMode(ModeBase):
         self.c.servo.follow(self.c.limits, step_s)
 
     def bits(self) -> int:
-        """Return none."""
+        """Return no bits."""
         return 0
 
 
 class CyclicPosition(ModeBase):
     """CSP: the target of each cycle.
 
-    A device that is not synchronous with the bus occasionally sees one target twice and misses the
-    next one. The target is smoothed so that this does not shake the motor: a target that moves at
+    A device that is not synchronous with the bus occasionally reads one target twice and misses the
+    next one. The target is smoothed so that this does not shake the motor. A target that moves at
     constant speed is followed without lag.
     """
 
@@ -123,14 +123,14 @@ class CyclicPosition(ModeBase):
         self._cut = False
 
     def command(self, controlword: int, passed_s: float) -> None:
-        """Take the target and its offset."""
+        """Read the target and its offset."""
         c = self.c
         wanted = c.angle_of(c.objects.value(0x607A) + c.objects.value(0x60B0))
         target = c.within_limits(wanted)
         self._cut = target != wanted
         if passed_s <= 0:
             return
-        # What came in a step that was longer than a cycle is as old as several targets.
+        # Targets received in a step longer than a cycle are as old as several targets.
         weight = min(1.0, _SMOOTH * passed_s / c.objects.interpolation_s)
         expected = self._angle + self._speed * passed_s
         away = target - expected
@@ -139,7 +139,7 @@ class CyclicPosition(ModeBase):
         self._left_s = passed_s
 
     def move(self, step_s: float) -> None:
-        """Go on to where the target is expected at the end of this step of the device."""
+        """Move to the expected target at the end of this step of the device."""
         servo = self.c.servo
         servo.interpolate(self._angle, self._speed, max(self._left_s, step_s), step_s)
         self._left_s -= step_s
@@ -147,7 +147,7 @@ class CyclicPosition(ModeBase):
         servo.limited |= self._cut
 
     def bits(self) -> int:
-        """Return bit 12: the target is what is controlled, whatever limits it."""
+        """Return bit 12: the target is followed, whatever limits it."""
         return BIT_12
 
 
@@ -161,7 +161,7 @@ class CyclicVelocity(ModeBase):
         self._speed = 0.0
 
     def command(self, controlword: int, passed_s: float) -> None:
-        """Take the target and its offset."""
+        """Read the target and its offset."""
         self._speed = self.c.rad(0x60FF) + self.c.rad(0x60B1)
 
     def move(self, step_s: float) -> None:
@@ -172,7 +172,7 @@ class CyclicVelocity(ModeBase):
         servo.control_speed(self._speed, self.c.limits, step_s)
 
     def bits(self) -> int:
-        """Return bit 12: the target is what is controlled, whatever limits it."""
+        """Return bit 12: the target is followed, whatever limits it."""
         return BIT_12
 
 
@@ -186,18 +186,18 @@ class CyclicTorque(ModeBase):
         self._torque_nm = 0.0
 
     def command(self, controlword: int, passed_s: float) -> None:
-        """Take the target and its offset."""
+        """Read the target and its offset."""
         objects = self.c.objects
         per_mille = objects.value(0x6071) + objects.value(0x60B2)
         self._torque_nm = per_mille * self.c.torque_nm_per_mille
 
     def move(self, step_s: float) -> None:
-        """Apply it."""
+        """Apply the torque."""
         self.c.servo.control_torque(self._torque_nm, self.c.limits, step_s)
         self.c.servo.take_over()
 
     def bits(self) -> int:
-        """Return bit 12: the target is what is controlled, whatever limits it."""
+        """Return bit 12: the target is followed, whatever limits it."""
         return BIT_12
 
 
@@ -211,12 +211,12 @@ class ProfileVelocity(ModeBase):
         self._speed = 0.0
 
     def command(self, controlword: int, passed_s: float) -> None:
-        """Take the target."""
+        """Read the target."""
         limit = self.c.limits.speed
         self._speed = max(-limit, min(limit, self.c.rad(0x60FF)))
 
     def move(self, step_s: float) -> None:
-        """Ramp."""
+        """Ramp the speed."""
         c = self.c
         c.servo.ramp(self._speed, c.ramp(0x6083), c.ramp(0x6084), step_s)
         c.servo.follow(c.limits, step_s)
@@ -231,10 +231,10 @@ class ProfileVelocity(ModeBase):
 
 
 class ProfilePosition(ModeBase):
-    """PP: goes to a set-point by a trapezoid of speed; one more can wait.
+    """PP: moves to a set-point with a trapezoidal speed profile; one more set-point can wait.
 
-    Bit 4 of the controlword rises with a new set-point, bit 12 of the statusword acknowledges it
-    until bit 4 is taken back and there is room for another one.
+    Bit 4 of the controlword is set with a new set-point. Bit 12 of the statusword acknowledges it
+    until bit 4 is cleared and there is room for another one.
     """
 
     watches_error = True
@@ -247,15 +247,15 @@ class ProfilePosition(ModeBase):
         self._acknowledged = False
 
     def command(self, controlword: int, passed_s: float) -> None:
-        """Take a new set-point."""
-        # A set-point counts on the rising edge of bit 4 and after the last one was acknowledged
-        # (CiA 402).
+        """Read a new set-point."""
+        # A set-point counts on the rising edge of bit 4 after the last one was acknowledged (CiA
+        # 402).
         new = bool(controlword & _NEW_SET_POINT)
         if new and not self._was_new and not self._acknowledged:
             self._take(controlword)
         self._was_new = new
-        # The acknowledge bit falls when bit 4 has fallen and a buffer for the next set-point is
-        # free.
+        # The acknowledge bit is cleared when bit 4 is cleared and a buffer for the next set-point
+        # is free.
         if not new and self._next is None:
             self._acknowledged = False
 
@@ -278,7 +278,7 @@ class ProfilePosition(ModeBase):
         return self._goal is None or (servo.angle == self._goal and servo.speed == 0.0)
 
     def move(self, step_s: float) -> None:
-        """Go on."""
+        """Advance by a time step."""
         c = self.c
         if self._next is not None and self._reached():
             self._goal, self._next = self._next, None

@@ -1,4 +1,4 @@
-"""Values of one emulated axis: process data where an object is mapped, else its dictionary.
+"""Values of one emulated axis: process data if an object is mapped, otherwise its dictionary.
 
 Positions are counts, speeds counts/s, accelerations counts/s², torques per mille of the rated one.
 Indices are those of axis 0.
@@ -22,7 +22,7 @@ _BITS = {
     **dict.fromkeys((0x6077, 0x60B2), 16),
     **dict.fromkeys((0x6060, 0x6061, 0x6098, 0x60C2), 8),
 }
-# What a MainDevice may set by SDO as well; the rest it reads.
+# Objects that a MainDevice may also write by SDO; it only reads the others.
 WRITABLE = frozenset(
     {0x6040, 0x605A, 0x6060, 0x6065, 0x6066, 0x6071, 0x6072, 0x607A, 0x607C, 0x607D, 0x6080}
     | {
@@ -44,7 +44,7 @@ _COUNTS = (1 << 31) - 1
 
 
 def size_bits(index: int) -> int:
-    """Return the length of an object as the profile has it."""
+    """Return the length of an object in the profile."""
     return _BITS.get(index, 32)
 
 
@@ -79,7 +79,7 @@ def _defaults(setup: DriveSetup) -> dict[tuple[int, int], int]:
         0x6083: ramp,
         0x6084: ramp,
         0x6085: quick,
-        0x6098: 37,  # here is home
+        0x6098: 37,  # the current position is home
         0x609A: ramp,
         0x60B0: 0,
         0x60B1: 0,
@@ -97,7 +97,7 @@ def _defaults(setup: DriveSetup) -> dict[tuple[int, int], int]:
 
 
 def _interpolation(cycle_s: float) -> dict[tuple[int, int], int]:
-    """Return a bus cycle as the interpolation time period: units, and their power of ten."""
+    """Return a bus cycle as the interpolation time period: value and power of ten."""
     # The coarsest unit that fits exactly: 0x60C2:01 has 8 bits only.
     exponent = next(e for e in (-3, -4, -5, -6) if e == -6 or _is_whole(cycle_s, e))
     return {(0x60C2, 1): min(255, max(1, round(cycle_s / 10**exponent))), (0x60C2, 2): exponent}
@@ -110,14 +110,14 @@ def _is_whole(time_s: float, exponent: int) -> bool:
 
 @dataclass(slots=True)
 class AxisObjects:
-    """See the module.
+    """Values of one axis; see the module docstring.
 
     Args:
         axis: Its process data.
         cycle_s: Bus cycle, for 0x60C2.
 
     Attributes:
-        dictionary: Values by index and subindex, also of what is mapped.
+        dictionary: Values by index and subindex, including mapped objects.
     """
 
     axis: DriveAxis
@@ -134,10 +134,10 @@ class AxisObjects:
             self._inputs.append((sm, placed.bit_offset, placed.entry.bits, index))
 
     def start(self, setup: DriveSetup, stated: Mapping[tuple[int, int], int]) -> None:
-        """Take the values of after power-on.
+        """Set the values after power-on.
 
         Args:
-            setup: The axis.
+            setup: Set-up of the axis.
             stated: Values of start-up SDOs, by index and subindex of axis 0.
         """
         self.dictionary = _defaults(setup) | _interpolation(self.cycle_s)
@@ -145,11 +145,11 @@ class AxisObjects:
         self.dictionary |= {key: v for key, v in stated.items() if key in self.dictionary}
 
     def value(self, index: int, subindex: int = 0) -> int:
-        """Return a value: as received last, else as the dictionary has it."""
+        """Return a value: as last received, or from the dictionary."""
         return self.dictionary.get((index, subindex), 0)
 
     def write(self, key: tuple[int, int], data: bytes) -> None:
-        """Take the bytes of an SDO by index and subindex."""
+        """Store the bytes of an SDO by index and subindex."""
         self.dictionary[key] = int.from_bytes(data, "little", signed=key[0] in _SIGNED)
 
     def is_mapped(self, index: int) -> bool:
@@ -158,12 +158,12 @@ class AxisObjects:
 
     @property
     def interpolation_s(self) -> float:
-        """Time between two targets, as 0x60C2 has it, in seconds."""
+        """Time between two targets according to 0x60C2, in seconds."""
         units, exponent = self.value(0x60C2, 1) & 0xFF, self.value(0x60C2, 2)
         return max(1, units) * 10.0 ** max(-6, min(0, exponent))
 
     def receive(self, image: Callable[[int], bytes]) -> None:
-        """Take the outputs.
+        """Read the outputs.
 
         Args:
             image: Returns the process data of a sync manager.
@@ -180,7 +180,7 @@ class AxisObjects:
             self.dictionary[index, 0] = value
 
     def inputs(self) -> list[tuple[int, int, int, int]]:
-        """Return the mapped values it shows: sync manager, first bit, bits, value."""
+        """Return the mapped displayed values: sync manager, first bit, bits, value."""
         return [
             (sm, bit, bits, self.dictionary[index, 0])
             for sm, bit, bits, index in self._inputs
@@ -189,5 +189,5 @@ class AxisObjects:
 
 
 def put(data: bytearray, bit: int, bits: int, value: int) -> None:
-    """Write a signed or unsigned value, cut to its bits."""
+    """Write a signed or unsigned value, truncated to its bits."""
     write_bits(data, bit, bits, value & ((1 << bits) - 1))

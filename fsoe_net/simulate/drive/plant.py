@@ -1,4 +1,4 @@
-"""Motor and load: inertia, Coulomb and viscous friction, moved on exactly."""
+"""Motor and load with inertia, Coulomb and viscous friction; the motion is solved exactly."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 @dataclass(slots=True)
 class Plant:
-    """One axis that turns; angle in rad, speed in rad/s.
+    """One rotating axis; angle in rad, speed in rad/s.
 
-    ``inertia * d(speed)/dt = torque - damping * speed - friction * sign(speed)``; at rest nothing
-    moves until the torque is more than the friction.
+    ``inertia * d(speed)/dt = torque - damping * speed - friction * sign(speed)``; at rest the axis
+    does not move until the torque exceeds the friction.
     """
 
     inertia_kgm2: float
@@ -21,7 +21,7 @@ class Plant:
     speed: float = 0.0
 
     def advance(self, torque_nm: float, time_s: float) -> None:
-        """Advance under a constant torque: the exact solution, cut at standstill."""
+        """Advance with a constant torque: the exact solution, divided at standstill."""
         if self.speed == 0.0:
             if abs(torque_nm) <= self.friction_nm:
                 return
@@ -37,7 +37,7 @@ class Plant:
         self.advance(torque_nm, time_s - rest_s)
 
     def _rest_after(self, drive_nm: float) -> float:
-        """Return when the speed is 0 in seconds, infinite for never."""
+        """Return the time in seconds until the speed is 0; infinite for never."""
         if drive_nm * self.speed >= 0:
             return math.inf
         if self.damping_nms == 0:
@@ -46,7 +46,7 @@ class Plant:
         return self.inertia_kgm2 / self.damping_nms * math.log1p(ratio)
 
     def _move(self, drive_nm: float, time_s: float) -> None:
-        """Move on without a change of sign; ``drive_nm`` has the Coulomb friction in it."""
+        """Move without a change of sign; ``drive_nm`` includes the Coulomb friction."""
         if self.damping_nms == 0:
             rate = drive_nm / self.inertia_kgm2
             self.angle += (self.speed + rate * time_s / 2) * time_s

@@ -1,7 +1,7 @@
 """The power drive system of CiA 402: its states, and the effect of a controlword.
 
-Source of states, transitions and bits: IEC 61800-7-201, as printed in public manuals of drives
-(e.g. Beckhoff EL7211, Maxon EPOS4, Synapticon SOMANET). Transition numbers are in comments.
+Source of states, transitions and bits: IEC 61800-7-201, as printed in public drive manuals (e.g.
+Beckhoff EL7211, Maxon EPOS4, Synapticon SOMANET). Transition numbers are in comments.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ class PdsState(enum.Enum):
 
     @property
     def words(self) -> str:
-        """Its name as manuals write it."""
+        """Its name as in manuals."""
         return _WORDS[self]
 
     @property
     def key(self) -> str:
-        """Its name as a scenario writes it, such as ``switch_on_disabled``."""
+        """Its name in scenarios, such as ``switch_on_disabled``."""
         return self.words.lower().replace(" ", "_")
 
 
@@ -48,7 +48,7 @@ _WORDS = {
 
 
 class PowerCommand(enum.Enum):
-    """What a controlword demands; a set bit 7 demands none."""
+    """The command in a controlword; there is none if bit 7 is set."""
 
     NONE = enum.auto()
     SHUTDOWN = enum.auto()
@@ -73,7 +73,7 @@ def command_of(controlword: int) -> PowerCommand:
     # While fault reset is set, the other bits are not a command.
     if controlword & _FAULT_RESET:
         return PowerCommand.NONE
-    # From the strongest to the weakest command: bits 1 and 2 are active when low.
+    # From the strongest to the weakest command: bits 1 and 2 are active low.
     if not controlword & 2:
         return PowerCommand.DISABLE_VOLTAGE
     if not controlword & 4:
@@ -107,11 +107,11 @@ class PowerSystem:
     """State of one axis.
 
     Attributes:
-        state: Where it is.
-        error_code: Of the fault (0x603F), 0 without one.
-        disabling: Disable operation was demanded: it stands still first (transition 5).
-        stays_stopped: After a quick stop it stays in Quick stop active, and can be enabled again
-            (0x605A: 5 … 8); else it goes to Switch on disabled.
+        state: Current state.
+        error_code: Error code of the fault (0x603F), 0 if there is none.
+        disabling: Whether disable operation was requested; the axis stops first (transition 5).
+        stays_stopped: Whether it stays in Quick stop active after a quick stop and can be enabled
+            again (0x605A: 5 … 8); otherwise it changes to Switch on disabled.
     """
 
     state: PdsState = PdsState.NOT_READY
@@ -130,15 +130,15 @@ class PowerSystem:
         )
 
     def step(self, controlword: int, *, standing: bool, safe_stop: bool) -> None:
-        """Take one transition at most.
+        """Make at most one transition.
 
         Args:
-            controlword: As the device received it last.
-            standing: The ramp that stops the axis is at its end.
-            safe_stop: A safety function stops it: Quick stop active without a command.
+            controlword: Last received controlword.
+            standing: Whether the ramp that stops the axis has ended.
+            safe_stop: Whether a safety function stops it: Quick stop active without a command.
         """
         reset = bool(controlword & _FAULT_RESET)
-        # Bit 7 acts on its rising edge: held down, it must not clear each new fault.
+        # Bit 7 acts on its rising edge: if held, it must not clear each new fault.
         edge, self._was_reset = reset and not self._was_reset, reset
         if self.state is PdsState.NOT_READY:
             self.state = PdsState.SWITCH_ON_DISABLED  # 1
@@ -156,8 +156,8 @@ class PowerSystem:
         state = self.state
         new = _TRANSITIONS.get((state, command), state)
         if state is PdsState.OPERATION_ENABLED:
-            # A safety function stops the axis without a command; only a stronger command goes
-            # beyond.
+            # A safety function stops the axis without a command; only a stronger command has
+            # priority.
             if safe_stop and new is state:
                 new = PdsState.QUICK_STOP
             self.disabling = command is PowerCommand.SWITCH_ON
@@ -174,19 +174,19 @@ class PowerSystem:
         self.state = new
 
     def trip(self, error_code: int) -> None:
-        """Let a fault happen: with torque the axis stops first (13)."""
+        """Trigger a fault: with torque, the axis stops first (13)."""
         if self.state is PdsState.FAULT:
             return
         self.state = PdsState.FAULT_REACTION if self.has_torque else PdsState.FAULT
         self.error_code, self.disabling = error_code, False
 
     def take_torque(self, error_code: int) -> None:
-        """Remove the torque by an external cause: no ramp, no command.
+        """Remove the torque for an external reason: no ramp, no command.
 
         Args:
             error_code: Error code if this is a fault while the axis is controlled; 0: not a fault.
         """
-        # The first error stays: it is the cause, later ones follow from it.
+        # The first error is kept: it is the cause, later ones are consequences.
         if self.state is PdsState.FAULT_REACTION or (self.has_torque and error_code):
             self.error_code = self.error_code or error_code
             self.state = PdsState.FAULT

@@ -1,4 +1,4 @@
-"""Safety functions that an emulated drive does itself: STO, SS1, SLS (IEC 61800-5-2)."""
+"""Safety functions of an emulated drive: STO, SS1, SLS (IEC 61800-5-2)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class SafeDemand:
-    """What the safe data demand now; ``sls_speeds`` are the limits in rad/s that are demanded."""
+    """The current request of the safe data; ``sls_speeds`` are the requested limits in rad/s."""
 
     sto: bool = False
     ss1: bool = False
@@ -25,15 +25,15 @@ class _Stop(enum.Enum):
 
 @dataclass(slots=True)
 class SafeDrive:
-    """What the safety functions let the axis do.
+    """Effect of the safety functions on the axis.
 
-    STO takes the torque at once. SS1 lets the axis stop and then takes the torque, at the latest
-    after its time. SLS limits the speed and, once its delay is over, watches it: too fast is an SS1
-    that stays until it is acknowledged, or STO was demanded and released.
+    STO removes the torque immediately. SS1 stops the axis and then removes the torque, at the
+    latest after its time. SLS limits the speed and monitors it after its delay. A violation starts
+    an SS1 that remains until it is acknowledged, or until STO was requested and released.
 
     Args:
         ss1_ns: Longest time of an SS1.
-        sls_delay_ns: Time to slow down before the limit is watched.
+        sls_delay_ns: Time to slow down before the limit is monitored.
     """
 
     ss1_ns: int
@@ -54,33 +54,33 @@ class SafeDrive:
 
     @property
     def stopping(self) -> bool:
-        """Whether the axis has to stop by a ramp (SS1)."""
+        """Whether the axis must stop with a ramp (SS1)."""
         return self._stop is _Stop.RAMP
 
     @property
     def speed_limit(self) -> float | None:
-        """Speed that the axis is held to in rad/s."""
+        """Speed limit of the axis in rad/s."""
         return self._limit
 
     @property
     def limit_watched(self) -> bool:
-        """Whether a speed limit is in force."""
+        """Whether a speed limit is being monitored."""
         waited_ns = self._now_ns - self._limit_since_ns
         return self._limit is not None and waited_ns >= self.sls_delay_ns
 
     def step(self, now_ns: int, demand: SafeDemand, speed: float, *, standing: bool) -> None:
-        """Look at what is demanded.
+        """Process the request.
 
         Args:
-            now_ns: This moment.
-            demand: Of the safe data.
-            speed: Of the motor in rad/s.
-            standing: The ramp that stops the axis is at its end.
+            now_ns: Current time.
+            demand: Request in the safe data.
+            speed: Speed of the motor in rad/s.
+            standing: Whether the ramp that stops the axis has ended.
         """
         self._now_ns = now_ns
         # Supervision first: a violation in this step must stop the axis in this step.
         self._watch(demand, speed)
-        # STO acts at once and outweighs a ramp.
+        # STO acts immediately and has priority over a ramp.
         if demand.sto:
             self._stop = _Stop.OFF
         elif demand.ss1 or self.violated:
@@ -101,7 +101,7 @@ class SafeDrive:
         if demand.sto or edge:
             self.violated = False
         limit = min(demand.sls_speeds, default=None)
-        # A lower limit gives the axis time to brake before it is watched.
+        # A lower limit gives the axis time to brake before it is monitored.
         if limit is not None and (self._limit is None or limit < self._limit):
             self._limit_since_ns = self._now_ns
         self._limit = limit
@@ -109,4 +109,4 @@ class SafeDrive:
             self.violated = True
 
 
-_TOLERANCE = 1.02  # control overshoots a little; a safe encoder has its resolution
+_TOLERANCE = 1.02  # control overshoots slightly; a safe encoder has a limited resolution

@@ -7,15 +7,15 @@ from dataclasses import dataclass
 
 from fsoe_net.simulate.drive.plant import Plant
 
-# With an ideal current loop; far below 1 / time step (250 us).
+# For an ideal current loop; far below 1 / time step (250 us).
 _POSITION_GAIN = 60.0  # 1/s
 _SPEED_GAIN = 400.0  # 1/s
-_AT_REST = 1e-4  # rad/s: no friction is compensated below
+_AT_REST = 1e-4  # rad/s: below, friction is not compensated
 
 
 @dataclass(slots=True)
 class Limits:
-    """What a reference and the torque may be: rad/s, N·m."""
+    """Limits of a reference and of the torque: rad/s, N·m."""
 
     speed: float
     torque_positive_nm: float
@@ -24,11 +24,11 @@ class Limits:
 
 @dataclass(slots=True)
 class Servo:
-    """Reference (``angle`` in rad, ``speed`` in rad/s) and the cascade that makes a torque of it.
+    """Reference (``angle`` in rad, ``speed`` in rad/s) and the cascade that derives the torque.
 
     Attributes:
-        limited: In the last step a limit was reached.
-        torque_nm: Of the last step.
+        limited: Whether a limit was reached in the last step.
+        torque_nm: Torque of the last step.
     """
 
     plant: Plant
@@ -39,13 +39,13 @@ class Servo:
     limited: bool = False
 
     def take_over(self) -> None:
-        """Let the reference be where the motor is."""
+        """Set the reference to the position of the motor."""
         self.angle, self.speed, self.rate = self.plant.angle, self.plant.speed, 0.0
 
     def take_speed(self) -> None:
-        """Let the reference have the speed of the motor, for the ramp that begins here."""
+        """Set the reference to the speed of the motor, for the ramp that begins here."""
         if abs(self.angle - self.plant.angle) * _POSITION_GAIN > 1.0:
-            self.angle = self.plant.angle  # a lag is not driven after
+            self.angle = self.plant.angle  # a lag is not caught up
         self.speed = self.plant.speed
 
     @property
@@ -56,24 +56,24 @@ class Servo:
     # -- references -------------------------------------------------------------------------------
 
     def interpolate(self, angle: float, speed: float, left_s: float, step_s: float) -> None:
-        """Go to an angle that is due in ``left_s`` seconds, ``step_s`` of them now."""
+        """Move to an angle that is due in ``left_s`` seconds, ``step_s`` of them now."""
         self.angle += (angle - self.angle) * min(1.0, step_s / left_s)
         self.speed, self.rate = speed, 0.0
 
     def ramp(self, speed: float, rise: float, fall: float, step_s: float) -> None:
-        """Approach a speed; ``rise`` and ``fall`` in rad/s² as its magnitude grows or shrinks."""
+        """Approach a speed; ``rise`` and ``fall``: rad/s² for increasing, decreasing magnitude."""
         before = self.speed
         growing = abs(speed) > abs(before) and speed * before >= 0
         most = (rise if growing else fall) * step_s
         self.speed += max(-most, min(most, speed - before))
         if before * self.speed < 0:
-            self.speed = 0.0  # through standstill: what comes then is another ramp
+            self.speed = 0.0  # at standstill; the rest is another ramp
         self._settle(before, step_s)
 
     def profile(self, goal: float, top: float, rise: float, fall: float, step_s: float) -> None:
-        """Approach an angle with a trapezoid of speed, and stop there."""
+        """Approach an angle with a trapezoidal speed profile, and stop there."""
         left = goal - self.angle
-        # v * step + v² / (2 * fall) = left: what can still be stopped in time
+        # v * step + v² / (2 * fall) = left: highest speed that can still be stopped in time
         stoppable = fall * (math.sqrt(step_s**2 + 2 * abs(left) / fall) - step_s)
         wanted = math.copysign(min(top, stoppable), left)
         before = self.speed
@@ -102,7 +102,7 @@ class Servo:
         self._apply(torque, limits, step_s, limited=held != speed)
 
     def control_torque(self, torque_nm: float, limits: Limits, step_s: float) -> None:
-        """Apply a torque, less where the motor would become too fast."""
+        """Apply a torque, reduced if the motor would become too fast."""
         most, least = self._torque_for(limits.speed), self._torque_for(-limits.speed)
         held = max(least, min(most, torque_nm))
         self._apply(held, limits, step_s, limited=held != torque_nm)

@@ -1,10 +1,11 @@
-"""Which safe data act on an emulated axis, and what it reports in its own.
+"""Safe data that act on an emulated axis, and the safe data that it reports.
 
-By default the objects of the drive profile (ETG.6100.2) in the frames of the same device, axis n
-0x800 * n higher: 0x6640 STO, 0x6650 SS1, 0x6690 SLS, 0x6632 error acknowledge. To the drive 0
-demands a function, from the drive 1 reports that it acts; 0x6632 to the drive acknowledges with a
-rising edge, from the drive it reports an error. Source: Omron R88D-1SN□-ECT manual (I586), objects
-0x6632 and 0x6640; the other objects after the same pattern, with the names of `model.signals`.
+The defaults are the objects of the drive profile (ETG.6100.2) in the frames of the same device,
+0x800 * n higher for axis n: 0x6640 STO, 0x6650 SS1, 0x6690 SLS, 0x6632 error acknowledge. In the
+direction to the drive, 0 requests a function; from the drive, 1 reports that it is active. A rising
+edge of 0x6632 to the drive acknowledges; from the drive, 0x6632 reports an error. Source: Omron
+R88D-1SN□-ECT manual (I586), objects 0x6632 and 0x6640; the other objects follow the same pattern,
+with the names of `model.signals`.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ class WiredAxis:
             for name, signal in port.sends.items()
             if signal.index - self._base in self._profile
         ]
-        # In the drive, 0 reports that a function does not act; nothing acts before the first step.
+        # In the drive, 0 reports an inactive function; before the first step, all are inactive.
         for port, name, *_ in self._reports:
             port.reported[name] = 0
         self.configure(axis.setup, None)
@@ -58,14 +59,14 @@ class WiredAxis:
         ]
 
     def configure(self, setup: DriveSetup, find: Callable[[str], Wire] | None) -> None:
-        """Take another motor, load and wiring.
+        """Apply another motor, load and wiring.
 
         Args:
-            setup: The axis.
-            find: Returns the safe output of a name; needed where the setup names one.
+            setup: Set-up of the axis.
+            find: Returns the safe output with a name; required if the set-up names one.
 
         Raises:
-            KeyError: No safe output of a name.
+            KeyError: Unknown safe output.
         """
 
         def named(names: Sequence[str | None] | None, index: int) -> list[Wire]:
@@ -77,14 +78,14 @@ class WiredAxis:
         self._sto, self._ss1 = named((setup.sto,), _STO), named((setup.ss1,), _SS1)
         self._sls = named(setup.sls, _SLS)
         speeds = [rpm / 60 * math.tau for rpm in setup.sls_rpm]
-        # Fewer speeds than limits: the last one holds for the rest.
+        # Fewer speeds than limits: the last one applies to the rest.
         self._speeds = [speeds[min(n, len(speeds) - 1)] for n in range(len(self._sls))]
         self.axis.configure(setup)
 
     def demand(self) -> SafeDemand | None:
-        """Return the demand of the safe data; ``None`` if no safe data act on this axis.
+        """Return the request in the safe data; ``None`` if no safe data act on this axis.
 
-        Without valid data from its own MainInstance a drive takes the torque off.
+        Without valid data from its own MainInstance, a drive removes the torque.
         """
         # A drive without safety functions has torque whenever its controller commands it.
         if not (self._own or self._sto or self._ss1 or self._sls):
@@ -109,11 +110,11 @@ class WiredAxis:
         if index == _STO:
             return safe.torque_off
         if index == _SS1:
-            # SS1 has ended when the torque is off, and stays reported while it is demanded.
+            # SS1 has ended when the torque is off, and is reported as long as it is requested.
             return safe.stopping or (safe.torque_off and _is_demanded(self._ss1))
         if index == _SLS:
             return safe.limit_watched and self._is_limited(subindex)
-        return safe.violated  # what is acknowledged
+        return safe.violated  # the violation to acknowledge
 
     def _is_limited(self, subindex: int) -> bool:
         return any(
