@@ -9,10 +9,10 @@ from fsoe_net.model.description import Description
 
 
 def empty_network(path: str) -> str:
-    """Return a network without SubDevices, with the name of the folder that it is for.
+    """Return a network without SubDevices, named after its folder.
 
     Args:
-        path: The network file that is to be made.
+        path: The network file to create.
     """
     folder = os.path.basename(os.path.dirname(os.path.abspath(path)))
     empty = Description(format="studio", path="")

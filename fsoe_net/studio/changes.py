@@ -1,10 +1,10 @@
-"""Edits in the drawing, as changes of the network file.
+"""Edits in the drawing, as changes to the network file.
 
-Each is a map whose keyword selects the change: ``connect``, ``disconnect``, ``confirm``, ``set`` of
-a connection, ``network`` for its name and cycle; `fsoe_net.studio.subdevices` has those of
-SubDevices. Names are resolved in the network of the text that was edited. FSoE addresses,
+Each one is a map whose keyword selects the change: ``connect``, ``disconnect``, ``confirm``,
+``set`` for a connection, ``network`` for its name and cycle; those of SubDevices are in
+`fsoe_net.studio.subdevices`. Names are resolved in the network of the edited text. FSoE addresses,
 connection IDs and watchdogs belong to the safety project: a person enters them, they are never
-chosen here.
+selected here.
 """
 
 from __future__ import annotations
@@ -29,21 +29,21 @@ from fsoe_net.studio.rows import (
 from fsoe_net.studio.subdevices import SUBDEVICE_CHANGES
 
 FACTS = {"address": 65535, "connection_id": 65535, "watchdog_ms": 65534}
-"""Numbers of a connection that the page sets, with the largest: ETG.5100, 16 bits each."""
+"""Numbers of a connection that the page sets, with their maximum: ETG.5100, 16 bits each."""
 
 # A plan holds the cycle in nanoseconds, 32 bits.
 LONGEST_CYCLE_US = 4_000_000
 
 DRAWN = "drawn in studio: compare it with the safety project"
-"""Why a connection that was drawn is not confirmed."""
+"""Reason why a drawn connection is unconfirmed."""
 
 
 def change_of(request: Mapping[str, object], checked: Checked) -> Change:
-    """Return the change of the maps and lists of the file for a request.
+    """Return the change to the maps and lists of the file for a request.
 
     Args:
-        request: From the page; untrusted.
-        checked: The network that was edited.
+        request: Request of the page; untrusted.
+        checked: The edited network.
 
     Raises:
         InputError: The change is impossible; with the reason and the next step.
@@ -77,7 +77,7 @@ def _facts_in(document: Any, connection: Connection) -> Any:
 
 
 def _slot(key: str, sub: SubDevice, number: int | None) -> dict[str, object]:
-    """Return the key that names a frame pair; a SubDevice with one pair, slot 0, needs none."""
+    """Return the key that names a frame pair; it is not needed for slot 0 of a single pair."""
     pairs = sub.layout.frame_pairs if sub.layout is not None else ()
     needed = number is not None and (len(pairs) != 1 or number != 0)
     return {key: number} if needed else {}
@@ -121,19 +121,19 @@ def _connect(request: Mapping[str, object], resolution: Resolution) -> Change:
     numbers = {key: number_of(request, key, 65535) for key in ("slot", "sub_slot")}
     if main == sub:
         raise InputError(f"{main} cannot be connected with itself")
-    # The request is checked against the file as it was read, before anything is changed.
+    # The request is checked against the file as read, before anything is changed.
     known = {s.name: s for s in resolution.network.subdevices}
     slots = _slot("slot", known[main], numbers["slot"])
     slots |= _slot("sub_slot", known[sub], numbers["sub_slot"])
-    # One net for each MainInstance: a safety project is one net, and a second one would split it.
+    # One net per MainInstance: a safety project is one net, and a second one would split it.
     own = [net for net in resolution.network.nets if net.safety_master == main]
 
     def change(document: Any) -> None:
-        # Keys are added in the order in which the documentation shows them; a person reads the
-        # file.
+        # Keys are added in the order of the documentation, because a person reads the file.
         facts: dict[str, object] = {"main": main, "sub": sub}
         facts |= slots
-        # A drawn line proves nothing: a person compares it with the safety project and confirms it.
+        # A drawn line proves nothing: a person must compare it with the safety project and confirm
+        # it.
         facts["unconfirmed"] = DRAWN
         if own:
             net = row_of(document["nets"], own[0])
@@ -166,7 +166,7 @@ def _network(request: Mapping[str, object], resolution: Resolution) -> Change:
         # Existing keys keep their place and their comment; only new ones are inserted.
         new = {key: value for key, value in values.items() if key not in document}
         document.update({key: value for key, value in values.items() if key in document})
-        if new:  # in front, where a person looks for it
+        if new:  # at the front, where a person looks for it
             following = list(document)[int(next(iter(document), None) == "version") :]
             document.update(new | {key: document.pop(key) for key in following})
 

@@ -1,4 +1,4 @@
-"""Limits of connections to the studio: how many are open, and how long a request may take."""
+"""Limits of connections to the studio: their number, and the duration of a request."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import Any
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 MOST_CONNECTIONS = 128
-MOST_OF_ONE_CLIENT = 32  # a browser opens six for each origin
-_REQUEST_S = 20.0  # until a request is whole, without its body
+MOST_OF_ONE_CLIENT = 32  # a browser opens six per origin
+_REQUEST_S = 20.0  # for a complete request, without its body
 _LEAST_BYTES_PER_S = 65_536  # of a body
 
 
@@ -34,7 +34,7 @@ class LimitedSocket(socket.socket):
     _accepted: list[tuple[str, socket.socket]]
 
     def listen(self, backlog: int = 100, /) -> None:
-        """Begin to listen, with no connection."""
+        """Start listening, without any connection."""
         self._accepted = []
         super().listen(backlog)
 
@@ -42,7 +42,7 @@ class LimitedSocket(socket.socket):
         """Return the next connection.
 
         Raises:
-            ConnectionAbortedError: It was closed, since too many are open.
+            ConnectionAbortedError: It was closed because too many are open.
         """
         connection, address = super().accept()
         client = client_network(str(address[0]))
@@ -67,22 +67,22 @@ class LimitedProtocol(H11Protocol):
         self._expect(_REQUEST_S)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Wait no longer."""
+        """Stop waiting."""
         self._expect(None)
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
-        """Wait for the rest of a request; for a body as long as its length needs."""
+        """Wait for the rest of a request; the time for a body depends on its length."""
         before = self.cycle
         super().data_received(data)
         cycle = self.cycle
         # The request is complete: a slow answer is not the fault of the client.
         if cycle is not None and not cycle.response_complete and not cycle.more_body:
             self._expect(None)
-        # Time in proportion to the body: a large upload over a slow line must not be cut off.
+        # Time in proportion to the body: a large upload over a slow line must not be interrupted.
         elif cycle is not before:
             self._expect(_REQUEST_S + self._body_bytes() / _LEAST_BYTES_PER_S)
-        # Headers that never end would hold one of the few connections.
+        # Endless headers would block one of the few connections.
         elif self._due is None:
             self._expect(_REQUEST_S)
 

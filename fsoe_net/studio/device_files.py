@@ -1,4 +1,4 @@
-"""Device files that belong to a network being edited and are not written yet."""
+"""Device files of a network that is being edited; they are not yet written."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from fsoe_net.formats.shared.write_files import write_all
 
 
 class DeviceFiles:
-    """Texts that stay in memory until the network that names them is saved.
+    """Texts that stay in memory until the network that refers to them is saved.
 
-    They outlast undo, so that redo finds them again, until another change takes redo away. No file
-    that exists is replaced.
+    They are kept after undo, so that redo finds them, until another change discards redo. Existing
+    files are never replaced.
 
     Args:
-        folder: Of the network file, where their names begin.
+        folder: Folder of the network file, which their names are relative to.
 
     Attributes:
-        contents: Bytes by path, as readers look for them.
+        contents: Bytes by path, as used by readers.
     """
 
     def __init__(self, folder: str) -> None:
@@ -30,7 +30,7 @@ class DeviceFiles:
         self.contents: dict[str, bytes] = {}
 
     def keep(self, files: Sequence[tuple[str, str]]) -> list[str]:
-        """Keep texts, and return the name that each has got: a free one, or that of its equal.
+        """Store texts and return the name of each: a free one, or that of an equal text.
 
         Args:
             files: Proposed names, each with its text.
@@ -50,7 +50,7 @@ class DeviceFiles:
         return names
 
     def those_in(self, texts: Iterable[str]) -> DeviceFiles:
-        """Return those that one of some texts names; the names of the others are free again."""
+        """Return the files that are named by one of the texts; the other names become free."""
         kept = DeviceFiles(self._folder)
         wanted = {name for text in texts for name in self.named_in(text)}
         kept._names = {path: name for path, name in self._names.items() if name in wanted}
@@ -58,19 +58,19 @@ class DeviceFiles:
         return kept
 
     def named_in(self, text: str) -> Iterator[str]:
-        """Yield the names that a text has in it."""
+        """Yield the names that occur in a text."""
         return (name for name in self._names.values() if name in text)
 
     def write(self, text: str) -> None:
-        """Write the files that a text names, all or none.
+        """Write the files named in a text, all or none.
 
         Raises:
-            InputError: Somebody has made one of another content meanwhile.
-            EnvironmentFault: One cannot be written.
+            InputError: A file with another content has been created in the meantime.
+            EnvironmentFault: A file cannot be written.
         """
-        # Files that an undone step no longer names are not written; they stay for redo.
+        # Files named only by an undone step are not written; they are kept for redo.
         wanted = [path for path, name in self._names.items() if name in text]
-        # All are checked before one is written, so that a refusal leaves the folder as it was.
+        # All are checked before one is written, so that an error leaves the folder unchanged.
         for path in wanted:
             if os.path.lexists(path) and _content(path) != self.contents[path]:
                 raise InputError(

@@ -1,4 +1,4 @@
-"""What the page shows of a network: parts with their places in the text, slots, findings."""
+"""Content of the page about a network: parts with their places in the text, slots, findings."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ def cables_of(network: NetworkConfig, scan: Scan) -> dict[str, object]:
     """Return the cables as plain JSON values; see ``assets/types.d.ts``.
 
     Args:
-        network: Its SubDevices are found in the scan as ``fsoe-net check --scan`` finds them.
-        scan: The bus; of several in the network, the first.
+        network: Its SubDevices are found in the scan as in ``fsoe-net check --scan``.
+        scan: Scan of the bus; with several buses, of the first one.
     """
     match = match_subdevices(first_master(network), scan.subdevices, {})
     names = {there.position: sub.name for sub, there in (*match.other, *match.pairs)}
@@ -68,12 +68,12 @@ def state_of(workspace: Workspace, scan: tuple[str, Scan] | None = None) -> Row:
     """Return the content of the page as plain JSON values; shape: ``assets/types.d.ts``.
 
     Args:
-        workspace: The file that is being edited.
-        scan: A scan that shows how the bus is wired, with the name of its file.
+        workspace: The file being edited.
+        scan: A scan that shows the cabling of the bus, with the name of its file.
     """
     checked = workspace.checked
     resolution = checked.resolution
-    # A text that is not a network yet has no parts; the page then shows the last drawing.
+    # A text that is not yet a valid network has no parts; the page then shows the last drawing.
     subdevices: list[Row] = []
     connections: list[Row] = []
     proposals: Row = {}
@@ -91,7 +91,7 @@ def state_of(workspace: Workspace, scan: tuple[str, Scan] | None = None) -> Row:
         "content": content_of(workspace.checked),
         "path": workspace.path,
         "name": "" if resolution is None else resolution.network.name,
-        # A text field of a browser has one kind of line ending. `_with_line_ends` restores the
+        # A text field of a browser has one type of line ending. `_with_line_ends` restores the
         # others.
         "text": workspace.text.replace("\r\n", "\n"),
         "saved": workspace.is_saved,
@@ -117,7 +117,7 @@ def state_of(workspace: Workspace, scan: tuple[str, Scan] | None = None) -> Row:
 
 
 def content_of(checked: Checked) -> str:
-    """Return a hash of the content of all files of a network; empty for a text that is none."""
+    """Return a hash of the content of all files of a network; empty for an invalid text."""
     if checked.network is None:
         return ""
     rows = "\n".join(f"{source.sha256} {source.path}" for source in checked.network.sources)
@@ -137,7 +137,7 @@ def _used(resolution: Resolution) -> dict[tuple[str, int], int]:
 def _subdevice(
     sub: SubDevice, used: dict[tuple[str, int], int], resolution: Resolution, library: Library
 ) -> Row:
-    # A device without a known layout has no slots, and thus nothing to connect.
+    # A device without a known layout has no slots, and therefore nothing to connect.
     pairs: Sequence[FramePair] = () if sub.layout is None else sub.layout.frame_pairs
     is_main = any(net.safety_master == sub.name for net in resolution.network.nets)
     is_sub = any(row.sub is sub for row in resolution.connections)
@@ -149,8 +149,8 @@ def _subdevice(
         "bus": sub.master_id,
         "line": sub.span.line,
         "group": next((g.name for g in groups if sub.name in g.subdevices), ""),
-        # In use, the role is a fact of the file; `likely` is a guess for a SubDevice without
-        # connections.
+        # If it is in use, the role is a fact in the file; `likely` is a guess for an unconnected
+        # SubDevice.
         "role": "both" if is_main and is_sub else "main" if is_main else "sub" if is_sub else "",
         "likely": "" if device is None else _likely_role(device, pairs, library),
         "device": "" if device is None else device.path,
@@ -199,7 +199,7 @@ def _connection(budget: WatchdogBudget, path: str) -> Row:
 
 
 def _copy(way: ResolvedTransfer) -> Row:
-    """Return the source and the destination of a frame's bytes."""
+    """Return the source and destination of the bytes of a frame."""
     return {"size_bytes": way.transfer.size_bytes} | {
         name: {
             "subdevice": end.endpoint.module,
@@ -213,7 +213,7 @@ def _copy(way: ResolvedTransfer) -> Row:
 
 
 def _ms(limit: Limit | None, *, up: bool) -> float | None:
-    """Return a limit, never on its better side: at most 109.96 ms is shown as 109.9 ms."""
+    """Return a limit, rounded to the safe side: at most 109.96 ms is shown as 109.9 ms."""
     return None if limit is None else outward(limit.ms, 1, up=up)
 
 
@@ -222,7 +222,7 @@ def _own_line(span: Span, path: str) -> int:
 
 
 def _next_free(key: str, resolution: Resolution) -> int:
-    """Return the lowest number that no connection has: a proposal, and never set by itself."""
+    """Return the lowest number that no connection has: a proposal, never set automatically."""
     taken = {getattr(row.stated, key) for row in resolution.connections}
     return next(number for number in range(1, len(taken) + 2) if number not in taken)
 
@@ -240,8 +240,8 @@ class _Parts:
             self._add(sub.span, path, "subdevice", sub.name)
             if sub.device is not None:
                 self._devices.setdefault(sub.device.path, []).append(sub.name)
-        # Places of other parts bound those before them: a finding belongs to the part that starts
-        # last.
+        # Places of other parts limit the preceding ones: a finding belongs to the last part that
+        # starts before it.
         for place in (*network.fields.values(), *(net.span for net in network.nets)):
             self._add(place, path, "", "")
         for function in network.safety_functions:
@@ -261,7 +261,7 @@ class _Parts:
         # A finding in a device file concerns each SubDevice that uses this file.
         if span.file in self._devices:
             return self._devices[span.file], []
-        # "~" sorts after each name, so that a part that starts exactly here counts.
+        # "~" sorts after every name, so that a part that starts exactly here counts.
         place = bisect_right(self._starts, (span.line, span.column, "~", ""))
         if not place or not span.line:
             return [], []

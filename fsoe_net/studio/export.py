@@ -1,4 +1,4 @@
-"""The network of the page in the formats of ``fsoe-net convert``, as files to be downloaded."""
+"""The network of the page in the formats of ``fsoe-net convert``, as files to download."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Row = dict[str, object]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Download:
-    """A file for the browser: one as it is, several in a ZIP."""
+    """A file for the browser: a single file unchanged, several as a ZIP."""
 
     name: str
     data: bytes
@@ -46,7 +46,7 @@ def preview(
     """Return the files of a format, and notes on data that it cannot represent.
 
     Args:
-        workspace: The network as it is in the page.
+        workspace: The network in the page.
         version: Version of the text to export.
         target: Name of a format, see `targets`.
         esis: ESI files with device data missing in the network.
@@ -71,7 +71,7 @@ def preview(
 
 
 def download(workspace: Workspace, version: int, target: str, esis: Sequence[str] = ()) -> Download:
-    """Return the file, or a ZIP of the files, of a format; arguments and errors as `preview`."""
+    """Return the file, or a ZIP of the files, of a format; arguments and errors as in `preview`."""
     made = _converted(workspace, version, target, esis)
     if len(made.files) == 1:
         ((name, data),) = made.files.items()

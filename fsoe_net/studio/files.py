@@ -1,4 +1,4 @@
-"""Routes for files that come from the browser, and for those that go to it."""
+"""Routes for files uploaded by the browser, and for downloads."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from fsoe_net.studio.uploads import Uploads
 from fsoe_net.studio.workspace import StaleVersion, Workspace
 
 UPLOADS = "/api/files"
-"""Where files are sent to."""
+"""Route for uploaded files."""
 
 
 def file_routes(workspace: Workspace, uploads: Uploads) -> list[Route]:
@@ -23,7 +23,7 @@ def file_routes(workspace: Workspace, uploads: Uploads) -> list[Route]:
 
     Args:
         workspace: The network in the page.
-        uploads: Takes the files.
+        uploads: Receives the files.
     """
 
     async def offers(_: Request) -> Response:
@@ -79,7 +79,7 @@ def _export(request: Request) -> tuple[int, str]:
 
 
 async def _received(request: Request, uploads: Uploads) -> Response | None:
-    """Take a file; return why it was not taken."""
+    """Receive a file; return the reason if it was rejected."""
     try:
         file = await run_in_threadpool(uploads.begin, request.query_params.get("name", ""))
     except InputError as exc:

@@ -18,7 +18,7 @@ class Folder:
         self._numbers: dict[str, int] = {}
 
     def look(self) -> list[tuple[int, CompanionFile]]:
-        """Return the current files; a file keeps its number for as long as the server runs."""
+        """Return the current files; a file keeps its number as long as the server runs."""
         rows = files_beside(self._network)
         return [(self._numbers.setdefault(row.path, len(self._numbers)), row) for row in rows]
 
@@ -26,7 +26,7 @@ class Folder:
         """Return a file of these kinds by its number.
 
         Raises:
-            InputError: It is not there, or not of these kinds.
+            InputError: It does not exist, or has another kind.
         """
         for here, row in self.look():
             if str(here) == str(number) and row.kind in kinds:

@@ -1,10 +1,10 @@
 """Access to the studio: one person at one browser of this machine, or with the password.
 
-The page can change files, so that other pages of the same browser, other users of the machine and
-other machines are kept out: a token that counts once becomes a cookie that only this origin sends
-(with ``--listen`` a password does, over TLS);
-``Host`` and ``Origin`` have to be this server (DNS rebinding); each write has a header that no form
-can send; the page runs no code but its own files.
+The page can change files. Therefore other pages of the same browser, other users of the machine and
+other machines have no access: a single-use token becomes a cookie that only this origin sends (with
+``--listen``, a password over TLS replaces the token); ``Host`` and ``Origin`` must be this server
+(DNS rebinding); each write has a header that no form can send; the page runs only code of its own
+files.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _HEADERS = {
     "cache-control": "no-store",
 }
 _NAMES = ("127.0.0.1", "localhost")
-_OPEN = (LOGIN, "/assets/style.css")  # to who has no session yet
+_OPEN = (LOGIN, "/assets/style.css")  # without a session
 
 
 class Guard:
@@ -52,9 +52,9 @@ class Guard:
 
     Args:
         app: The protected application.
-        port: On which it is served.
-        body_limit: Most bytes of a request.
-        limits: The same for some paths.
+        port: Port of the server.
+        body_limit: Maximum bytes of a request.
+        limits: Limits for some paths.
         remote: Names of this machine and the password, if other machines may connect, by TLS.
 
     Attributes:
@@ -94,7 +94,7 @@ class Guard:
             self.url += f"?token={self._token}"
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Serve a request, or refuse it."""
+        """Serve a request, or reject it."""
         # Lifespan messages of the server have no headers to check.
         if scope["type"] != "http":
             await self._app(scope, receive, send)
@@ -103,14 +103,14 @@ class Guard:
         answer = self._refusal(request)
         if answer is None and self._login is not None and request.url.path == LOGIN:
             answer = await self._login.answer(
-                # The login reads the body: its limit must hold before the password is known.
+                # The login reads the body, so its limit must apply before the password is known.
                 Request(scope, _limited(receive, self._most(request)))
             )
 
         async def send_guarded(message: Message) -> None:
             if message["type"] == "http.response.start":
                 given = [tuple(row) for row in message.get("headers", [])]
-                names = {name for name, _ in given}  # a document has a stricter policy of its own
+                names = {name for name, _ in given}  # a document has its own stricter policy
                 own = ((k.encode(), v.encode()) for k, v in _HEADERS.items())
                 message["headers"] = [*given, *(row for row in own if row[0] not in names)]
             await send(message)
@@ -119,10 +119,11 @@ class Guard:
 
     def _refusal(self, request: Request) -> Response | None:
         headers = request.headers
-        # A foreign page can point its own name at this address (DNS rebinding); the name shows it.
+        # A foreign page can resolve its own name to this address (DNS rebinding); the name reveals
+        # it.
         if headers.get("host", "").lower() not in self._hosts:
             return _no("open the address that fsoe-net studio printed: this one has another name")
-        # Browsers send Origin with each request of another site (CSRF); it must be our own.
+        # Browsers send Origin with each cross-site request (CSRF); it must be our own.
         origin = headers.get("origin")
         if origin is not None and not self._is_own(origin):
             return _no("a page of another site may not use this one")
@@ -135,10 +136,10 @@ class Guard:
                 if path == "/":
                     return RedirectResponse(LOGIN, 303)
                 return _no("load the page again, and log in", 401)
-        # The token opens one session and is used up: an address in a history opens nothing.
+        # The token opens one session and is then invalid: an address in a history opens nothing.
         elif given is not None and path == "/":
             return self._let_in(given)
-        # A comparison in constant time: the time of an answer must not reveal the token.
+        # Constant-time comparison: the response time must not reveal the token.
         elif not hmac.compare_digest(mine.encode(), self._session.encode()):
             return _no(
                 "open the address that fsoe-net studio printed; it counts once, in one browser"
@@ -159,7 +160,7 @@ class Guard:
         return self._limits.get(request.url.path, self._limit)
 
     def _refused_write(self, headers: Headers, most: int) -> Response | None:
-        # A form of another site cannot send this header without a preflight, which is refused.
+        # A form of another site cannot send this header without a preflight, which is rejected.
         if headers.get(WRITE_HEADER) != "1" or headers.get("origin") is None:
             return _no("a change comes from the page of fsoe-net studio only")
         length = headers.get("content-length", "")

@@ -1,4 +1,4 @@
-"""What other machines need to reach the studio: address, certificate, password."""
+"""Settings for access to the studio from other machines: address, certificate, password."""
 
 from __future__ import annotations
 
@@ -65,7 +65,8 @@ def bound_socket(address: str, port: int) -> socket.socket:
     """Return a socket that listens.
 
     Raises:
-        EnvironmentFault: The address is not of this machine, or the port is taken or not allowed.
+        EnvironmentFault: The address does not belong to this machine, or the port is in use or not
+            permitted.
     """
     try:
         row = socket.getaddrinfo(address, port, type=socket.SOCK_STREAM)[0]
@@ -97,7 +98,7 @@ def _readable(path: str) -> Iterator[None]:
 
 
 def _closed(path: str, bits: int, step: str) -> None:
-    """Refuse a file that others can read."""
+    """Reject a file that others can read."""
     with _readable(path):
         mode = os.stat(path).st_mode
     if mode & bits:
@@ -117,14 +118,14 @@ def _password(path: str) -> str:
 
 
 def _names(certificate: str, key: str) -> list[str]:
-    """Return the names in a certificate; a handshake with itself shows that it can be used."""
-    # OpenSSL names no file in its errors: find out here which one cannot be read.
+    """Return the names in a certificate; a handshake with itself shows that it is usable."""
+    # OpenSSL does not name the file in its errors: determine here which one cannot be read.
     for path in (certificate, key):
         with _readable(path), open(path, "rb"):
             pass
     try:
         server = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
-        server.load_cert_chain(certificate, key, password=lambda: "")  # asks for none
+        server.load_cert_chain(certificate, key, password=lambda: "")  # no prompt
         client = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
         client.check_hostname = False
         # The certificate is its own trust anchor here, even if an authority has issued it.
@@ -139,7 +140,7 @@ def _names(certificate: str, key: str) -> list[str]:
             f"{certificate} and {key} are not a certificate (PEM) with its key without passphrase: "
             f"{why}"
         ) from exc
-    # A person cannot open a wildcard as an address.
+    # A wildcard is not an address that a person can open.
     names = [name for kind, name in rows if kind in ("DNS", "IP Address") and "*" not in name]
     if not names:
         raise InputError(

@@ -1,4 +1,4 @@
-"""The live page's requests: of a running bus, of an emulated run, of a recorded one."""
+"""Requests of the live page about a running bus, an emulated run or a recorded one."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from fsoe_net.studio.live_rows import Row, recorded_view
 from fsoe_net.studio.workspace import Workspace
 
 _POLL_S = 0.01
-_SILENCE_S = 1.0  # then a stream sends a keep-alive
+_SILENCE_S = 1.0  # after that a stream sends a keep-alive
 _MOST_LINES = 100
 
 Body = dict[str, object]
@@ -35,8 +35,8 @@ class Live:
     Args:
         workspace: The network that can be run.
         socket: Control socket of a running ``fsn-master``, or ``None``.
-        ended: Whether the server ends.
-        allow_control: Whether a page may also act on the bus of that ``fsn-master``.
+        ended: Whether the server is stopping.
+        allow_control: Whether a page may also control the bus of that ``fsn-master``.
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class Live:
         ]
 
     def open(self) -> None:
-        """Begin to follow ``fsn-master``, or to run the emulated devices."""
+        """Start following ``fsn-master``, or running the emulated devices."""
         if self._master is not None:
             self._master.start()
         if self._runs_emulated:
@@ -87,7 +87,7 @@ class Live:
 
     @property
     def may_control(self) -> bool:
-        """Whether a page may act on the bus."""
+        """Whether a page may control the bus."""
         return self._control.turn is not None
 
     async def _sources(self, _: Request) -> Response:
@@ -108,7 +108,7 @@ class Live:
         return found
 
     async def _stream(self, request: Request) -> Response:
-        """Send updates of a source, with the data missing in the page, until it disconnects."""
+        """Send updates of a source, including data missing in the page, until it disconnects."""
         try:
             feed = self._feed(request.query_params.get("source"))
         except FsnError as exc:
@@ -118,8 +118,7 @@ class Live:
         known = int(since) if since.isascii() and since.isdigit() and len(since) < 16 else 0
         run = request.query_params.get("run")
         return StreamingResponse(
-            # Event numbers are those of one run: in another run the page starts from the first
-            # event.
+            # Event numbers belong to one run: in another run the page starts from the first event.
             self._pictures(feed, known if run == feed.run else 0),
             media_type="text/event-stream",
         )
@@ -127,11 +126,11 @@ class Live:
     async def _pictures(self, feed: LiveFeed, event: int) -> AsyncIterator[str]:
         picture, choice, row, silent_s = 0, -1, 0, 0.0
         with feed.listening():
-            # Where another run has taken its place, the page asks again.
+            # If another run has replaced it, the page requests it again.
             while not self._ended() and feed in (self._master, self._emulated):
                 if feed.picture != picture:
                     picture, silent_s = feed.picture, 0.0
-                    # Making the message of a large run takes time and must not block other pages.
+                    # Creating the message of a large run takes time and must not block other pages.
                     message, event, choice, row = await run_in_threadpool(
                         feed.message, event, choice, row
                     )
@@ -178,7 +177,8 @@ class Live:
         if not isinstance(body, dict):
             return JSONResponse({"error": "the request is not a JSON object"}, 400)
         try:
-            # One after the other: presses come in order. No run that starts delays a lease.
+            # One after another, so that presses keep their order. A starting run does not delay a
+            # lease.
             async with self._controlling if controls else self._starting:
                 answer = await run_in_threadpool(act, body)
         except FsnError as exc:
@@ -233,7 +233,7 @@ def _are_texts(value: object) -> TypeGuard[list[str]]:
 
 
 def _open(body: Body) -> Row:
-    """Return the view of a recorded run whose text the page has read."""
+    """Return the view of a recorded run whose text the page has sent."""
     text = body.get("text")
     if not isinstance(text, str):
         raise InputError("text is missing")

@@ -1,4 +1,4 @@
-"""What a person may do from the live page to a bus that ``fsn-master`` drives."""
+"""Control of a bus driven by ``fsn-master`` from the live page."""
 
 from __future__ import annotations
 
@@ -15,30 +15,30 @@ from fsoe_net.live.control_values import BusState, Symbol, Value
 from fsoe_net.studio.live_rows import Row
 
 LEASE_MS = 2000
-"""Of silence of the page, after which what it has set takes its stop values."""
+"""Silence of the page after which its outputs take their stop values."""
 
 Body = dict[str, object]
 
 
 class LiveControl:
-    """One page at a time that has control: over a client of its own, one for all pages.
+    """Gives control to one page at a time, through one separate client for all pages.
 
-    Nothing but requests of that page renews the lease of this client. Where the page, its browser
-    or this server dies, ``fsn-master`` itself lets the outputs fall back.
+    Only requests of that page renew the lease of this client. If the page, its browser or this
+    server fails, ``fsn-master`` itself lets the outputs fall back.
 
     Args:
-        path: Control socket; ``None``: nothing may be done.
-        note: Puts a line among the events of the page.
+        path: Control socket; ``None`` for no control.
+        note: Adds a line to the events of the page.
 
     Attributes:
-        acts: Requests by name; each takes the body that the page has sent.
+        acts: Requests by name; each takes the body sent by the page.
     """
 
     def __init__(self, path: str | None, note: Callable[[str], None]) -> None:
         self._path, self._note = path, note
         self._client: Client | None = None
         self._token, self._turn, self._until = "", 0, 0.0
-        self._armed: dict[str, int] = {}  # the exact last setting: the image is a cycle late
+        self._armed: dict[str, int] = {}  # the exact last setting, as the image is a cycle late
         jobs: dict[str, Callable[[Client, Body], Row]] = {
             "keep-control": _outputs,
             "set-output": self._set,
@@ -55,7 +55,7 @@ class LiveControl:
 
     @property
     def turn(self) -> int | None:
-        """Number of the page that has control, 0 while none has; ``None``: none may."""
+        """Number of the page in control, 0 for none; ``None`` if control is not permitted."""
         if self._path is None:
             return None
         return self._turn if self._client is not None and time.monotonic() < self._until else 0
@@ -97,13 +97,13 @@ class LiveControl:
 
     def _do(self, job: Callable[[Client, Body], Row], body: Body) -> Row:
         """Execute a request of the page in control, which renews its lease."""
-        # Not a str: `compare_digest` accepts only ASCII in texts.
+        # Not a str, because `compare_digest` accepts only ASCII in texts.
         token = str(body.get("token")).encode(errors="replace")
         if self._client is None or not hmac.compare_digest(token, self._token.encode()):
             raise InputError("this page does not have control; take it first")
         now = time.monotonic()
-        # The page renews while it is visible. A late renewal must not revive outputs that have
-        # fallen back.
+        # The page renews while it is visible. A late renewal must not restore outputs that fell
+        # back.
         if now >= self._until:
             self.close()
             raise InputError(
@@ -113,7 +113,7 @@ class LiveControl:
         self._until = now + LEASE_MS / 1000
         try:
             return job(self._client, body)
-        # A refusal leaves the lease as it is; a broken connection ends it.
+        # A refusal does not change the lease; a broken connection ends it.
         except ControlRefused:
             raise
         except EnvironmentFault as fault:
@@ -129,7 +129,7 @@ class LiveControl:
         return {}
 
     def _arm(self, client: Client, body: Body) -> Row:
-        """Arm an output and set it, so that no output stays armed: a change consumes the arming."""
+        """Arm an output and set it, so that no output stays armed: a change uses up the arming."""
         name, text = _words(body)
         outputs = (s for s in client.symbols() if s.is_output)
         symbol = next((s for s in outputs if s.name == name), None)
@@ -138,16 +138,16 @@ class LiveControl:
         # Until it is written, the output has its stop value.
         value, present = _number(symbol, text), symbol.stop_value
         if symbol.client == client.hello.get("client"):
-            # Only a value that this client wrote is known: what another client wrote may have
+            # Only values written by this client are known: values of another client may have
             # changed.
             present = self._armed.get(name, present)
-        # The stop value needs no arming: it must always be possible to stop.
+        # The stop value needs no arming: stopping must always be possible.
         arms = value not in (present, symbol.stop_value)
         if arms:
             client.arm(name)
         try:
             client.set({name: value})
-        # A fault, not a refusal: it ends control, so that the arming is not left for the next
+        # An error, not a refusal: it ends control, so that the arming does not apply to the next
         # value.
         except ControlRefused as refused:
             raise EnvironmentFault(f"nothing stays armed: {refused}") from refused
@@ -169,11 +169,11 @@ class LiveControl:
 
 
 def _outputs(client: Client, _: Body) -> Row:
-    """Return the outputs that a client may write; ``why`` they cannot be read now."""
+    """Return the outputs that a client may write; ``why`` if they cannot be read now."""
     try:
         symbols = [s for s in client.symbols() if s.open]
         values: dict[str, Value] = {}
-        # Portions, because a request of fsn-master has a limit of names and bytes.
+        # Batches, because a request of fsn-master is limited in names and bytes.
         for names in batches(s.name for s in symbols):
             values |= client.get(*names).outputs
     except ControlRefused as refused:
@@ -186,7 +186,7 @@ def _row(symbol: Symbol, value: Value, me: object) -> Row:
     return {
         "name": symbol.name,
         "kind": symbol.kind if symbol.kind == "bool" else f"{symbol.kind}{symbol.bits}",
-        # As text: the page's numbers hold 53 bits.
+        # As text, because numbers of the page have 53 bits.
         "value": _shown(value),
         "stop_value": _shown(symbol.stop_value),
         "restart_relevant": symbol.restart_relevant,
@@ -200,20 +200,20 @@ def _shown(value: Value) -> str:
 
 
 def _words(body: Body) -> tuple[str, str]:
-    """Return the name of an output and its value, fit for a line of the socket."""
+    """Return the name of an output and its value, valid for a line of the socket."""
     name, value = body.get("name"), body.get("value")
     if not isinstance(name, str) or not isinstance(value, str):
         raise InputError("name and value are texts")
     words = value.split()
     text = f"{name}{value.strip()}"
-    # "=" and blanks separate words of a request; they would change another output.
+    # "=" and blanks separate words of a request; they could select another output.
     if len(words) != 1 or "=" in value or not text.isprintable() or len(text) > 1000:
         raise InputError("give a value as one word, such as 1, 0x0f or 2.5")
     return name, words[0]
 
 
 def _number(symbol: Symbol, text: str) -> int:
-    """Return a whole number that fits an output, before it is armed."""
+    """Return an integer that is valid for an output, before it is armed."""
     least, most = 0, (1 << symbol.bits) - 1
     if symbol.kind == "signed":
         least, most = -(most + 1) // 2, most // 2

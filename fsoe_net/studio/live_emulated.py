@@ -1,4 +1,4 @@
-"""The live page on an emulated run that it has started, for learning FSoE."""
+"""The live page on an emulated run started by the page, for learning FSoE."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ from fsoe_net.studio.live_rows import (
 from fsoe_net.version import __version__
 
 FORGOTTEN_S = 600.0
-"""An emulated run ends when no page has listened for so long."""
+"""An emulated run ends if no page has listened for this time."""
 MOST_HELD_MS = 10_000
 
-_BEHIND_NS = 100_000_000  # what is lost beyond is not made up for
+_BEHIND_NS = 100_000_000  # larger delays are not caught up
 _REPLY_S = 30.0
 _SIGNED, _REAL = 2, 4  # kinds of a `PlanSymbol`
 
@@ -51,15 +51,15 @@ _Order = tuple[Callable[[int], object], "Future[object]"]
 
 
 class EmulatedFeed(LiveFeed):
-    """A network on the emulated bus, in pace with the clock as far as this machine can.
+    """A network on the emulated bus, in real time as far as this machine allows.
 
     Args:
         resolution: The network.
         content: Hash of the content of its files.
 
     Raises:
-        InputError: Nothing to run.
-        CoreMissing: The compiled part is not there.
+        InputError: There is nothing to run.
+        CoreMissing: The compiled part is missing.
     """
 
     def __init__(self, resolution: Resolution, content: str) -> None:
@@ -67,7 +67,7 @@ class EmulatedFeed(LiveFeed):
         self._session = prepare(resolution, None, None, virtual=False)
         self._content = content
         self._orders: queue.SimpleQueue[_Order] = queue.SimpleQueue()
-        self._door = threading.Lock()  # of the orders: open while the thread serves them
+        self._door = threading.Lock()  # for orders: released while the thread serves them
         self._over = False
         self._now_ns = self._held_until_ns = 0
         self._pace = _Pace()
@@ -93,7 +93,7 @@ class EmulatedFeed(LiveFeed):
                     "watched": name in watched,
                 }
                 for name, (_, most) in names.safe_inputs.items()
-                # A mirrored input follows another one: a button of its own would do nothing.
+                # A mirrored input follows another one, so a separate button would have no effect.
                 if name not in ports[name].mirrored
             ],
             "subdevices": [
@@ -105,7 +105,7 @@ class EmulatedFeed(LiveFeed):
         }
 
     def signals(self) -> list[Row]:
-        """Return safe inputs and outputs as the devices have them, and the named process data."""
+        """Return safe inputs and outputs of the devices, and the named process data."""
         return [
             {"name": name, "label": signal.label, "kind": signal.kind}
             for name, signal in self._signals.items()
@@ -115,7 +115,7 @@ class EmulatedFeed(LiveFeed):
         """Run lines, one per cycle, like lines of `fsoe-net emulate`.
 
         Raises:
-            InputError: A line is not a command, does not fit, or the run has ended.
+            InputError: A line is not a command, is invalid for the network, or the run has ended.
         """
         for number, line in enumerate(lines, 1):
 
@@ -128,7 +128,7 @@ class EmulatedFeed(LiveFeed):
                 raise InputError(str(exc)) from exc
 
     def hold(self, ms: int) -> None:
-        """Exchange no frame for so long from now, as where frames are lost or late.
+        """Exchange no frames for this time from now on, as if frames were lost or late.
 
         The devices continue, including their FSoE watchdogs.
 
@@ -169,7 +169,7 @@ class EmulatedFeed(LiveFeed):
         self._ask(work)
 
     def _ask(self, work: Callable[[int], _T]) -> _T:
-        """Do something between two cycles."""
+        """Call a function between two cycles."""
         with self._door:
             # No thread steps the run any longer, so that this one may read it.
             if self._over or not self._thread.is_alive():
@@ -216,21 +216,21 @@ class EmulatedFeed(LiveFeed):
                 session.core.cycle(self._now_ns)
             session.step_devices(self._now_ns)
             self._on_the_wire()
-            # One object for the whole step: a page may choose other signals at any time.
+            # One object for the whole step: a page may select other signals at any time.
             ring = self.scope
             if ring.names:
                 image = session.core.image()
                 values = [self._signals[name].read(image) for name in ring.names]
                 ring.add(round(self._now_ns / 1e6, 3), values)
             now = time.monotonic()
-            # Between two updates for people the bus runs without building any text.
+            # Between two updates for people, the bus runs without building any text.
             if now < due and not self._wake.is_set():
                 continue
             self._wake.clear()
-            # A person who looks keeps the run; a forgotten browser tab must not use a processor for
-            # days.
+            # A page that is open keeps the run alive; a forgotten browser tab must not use a
+            # processor for days.
             heard = now if self.listeners else heard
-            # After a delay, updates that were missed are not made up for.
+            # After a delay, missed updates are not repeated.
             due = max(due, now - PICTURE_S) + (PICTURE_S if self.listeners else ALONE_S)
             self._look(ended=False)
             if now - heard > FORGOTTEN_S:
@@ -238,7 +238,7 @@ class EmulatedFeed(LiveFeed):
                 return
 
     def _on_the_wire(self) -> None:
-        """Note each state that the copied frames show, as a live bus reports it."""
+        """Record each state that the copied frames show, as a live bus reports it."""
         session = self._session
         for event in session.core.events():
             if not event.by and event.before is not event.after:
@@ -299,7 +299,7 @@ class _Pace:
         self._marks: list[tuple[int, int]] = []
 
     def keep(self, now_ns: int, end: threading.Event) -> None:
-        """Wait until the clock has come to a simulated time; lost time is not made up for."""
+        """Wait until the clock reaches a simulated time; lost time is not caught up."""
         clock_ns = time.monotonic_ns() - self._begun_ns
         if now_ns > clock_ns:
             end.wait((now_ns - clock_ns) / 1e9)
@@ -322,7 +322,7 @@ class _Pace:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Signal:
-    """What the scope can show: how it is read from the devices, or from a process image."""
+    """A signal for the scope, with its reader for devices or a process image."""
 
     name: str
     is_output: bool
@@ -332,7 +332,7 @@ class _Signal:
 
 
 def _signals(session: Session) -> dict[str, _Signal]:
-    """Return the signals by a name that each has alone: see `directed_names`."""
+    """Return the signals by unique names: see `directed_names`."""
     rows = list(_all_signals(session))
     names = directed_names([(row.is_output, row.name) for row in rows])
     found: dict[str, _Signal] = {}
@@ -383,7 +383,7 @@ def _safe_output(network: EmulatedDevices, name: str, _image: bytes) -> int:
 
 def _reader(symbol: PlanSymbol, base: int) -> Callable[[bytes], float | None]:
     first = base + symbol.bit_offset // 8
-    # Decided once, outside of the reader: it runs in each bus cycle.
+    # Determined once, outside of the reader, which runs in each bus cycle.
     shift, mask = symbol.bit_offset % 8, (1 << symbol.bits) - 1
     last = first + (shift + symbol.bits + 7) // 8
     form = {32: "<f", 64: "<d"}.get(symbol.bits)
@@ -394,10 +394,10 @@ def _reader(symbol: PlanSymbol, base: int) -> Callable[[bytes], float | None]:
             (real,) = struct.unpack(form, raw.to_bytes(symbol.bits // 8, "little"))
             # JSON has no infinity and no NaN: the page would reject the whole message.
             return float(real) if math.isfinite(real) else None
-        # Two's complement of a width that no type of `struct` has.
+        # Two's complement of a width without a type in `struct`.
         if symbol.kind == _SIGNED and raw >> (symbol.bits - 1):
             raw -= 1 << symbol.bits
-        # For outputs, factor and offset lead from the value to the raw number, not back.
+        # For outputs, factor and offset convert the value to the raw number, not back.
         if symbol.output:
             return (raw - symbol.offset) / symbol.factor
         return symbol.factor * raw + symbol.offset

@@ -1,4 +1,4 @@
-"""What a live page shows, whatever the source: one thread looks, pages listen, the past stays."""
+"""Updates for a live page from any source: one thread reads, pages listen, the history is kept."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _SCOPE_ROWS = 200_000  # 10 s at the shortest bus cycle
 
 
 class EventHistory:
-    """Events in order, counted from 0; of very many the oldest go."""
+    """Events in order, counted from 0; the oldest are dropped if there are too many."""
 
     def __init__(self) -> None:
         self._rows: deque[tuple[RunEvent, Row]] = deque(maxlen=KEPT_EVENTS)
@@ -41,7 +41,7 @@ class EventHistory:
             self._total += len(rows)
 
     def since(self, number: int) -> tuple[Row, int]:
-        """Return the events from a number on, how many are no longer kept; the next number."""
+        """Return the events from a number on, the number of dropped ones, the next number."""
         with self._lock:
             gone = self._total - len(self._rows)
             # A page may ask for events that are no longer kept, or for numbers of another source.
@@ -53,23 +53,23 @@ class EventHistory:
         return {"first": first, "left_out": gone, "events": events}, total
 
     def kept(self) -> tuple[tuple[RunEvent, ...], int]:
-        """Return the events that are kept, and how many are not."""
+        """Return the stored events, and the number of dropped ones."""
         with self._lock:
             return tuple(event for event, _ in self._rows), self._total - len(self._rows)
 
 
 class ScopeRing:
-    """Values of some signals at every cycle, the last ten seconds of them.
+    """Values of some signals in every cycle of the last ten seconds.
 
     Args:
-        names: Of the signals.
-        choice: Number of this choice of signals.
+        names: Names of the signals.
+        choice: Number of this selection of signals.
     """
 
     def __init__(self, names: Sequence[str] = (), choice: int = 0) -> None:
         self.names, self.choice = tuple(names), choice
         self.skipped = 0
-        """Cycles that are missing, since who watches was too slow."""
+        """Missing cycles, because the reader was too slow."""
         self.fault = ""
         self._rows: deque[tuple[float | None, ...]] = deque(maxlen=_SCOPE_ROWS)
         self._lock = threading.Lock()
@@ -86,7 +86,7 @@ class ScopeRing:
                 self._rows.popleft()
 
     def since(self, choice: int, number: int) -> tuple[Row, int]:
-        """Return the rows missing in a page with this choice and number, and the new number.
+        """Return the rows missing in a page with this selection and number, and the new number.
 
         A row is a time in milliseconds, followed by the values.
         """
@@ -126,11 +126,11 @@ class LiveFeed(abc.ABC):
         self._thread = threading.Thread(target=self._run, name=f"live {source}", daemon=True)
 
     def start(self) -> None:
-        """Begin to look."""
+        """Start reading."""
         self._thread.start()
 
     def close(self) -> None:
-        """End; the collected data are kept."""
+        """Stop; the collected data are kept."""
         self._ending.set()
         self._wake.set()
         if self._thread.is_alive():
@@ -138,12 +138,12 @@ class LiveFeed(abc.ABC):
 
     @property
     def closed(self) -> bool:
-        """Whether no new data will come."""
+        """Whether there will be no new data."""
         return self._ending.is_set()
 
     @contextlib.contextmanager
     def listening(self) -> Iterator[None]:
-        """Count a page that listens, until the block ends."""
+        """Count a listening page until the block ends."""
         self.listeners += 1
         self._wake.set()
         try:
@@ -156,11 +156,11 @@ class LiveFeed(abc.ABC):
 
         Args:
             event: Number of the first missing event.
-            choice: The choice of signals in the page.
+            choice: The selection of signals in the page.
             row: Number of the first missing row of the scope.
 
         Returns:
-            The update; then the arguments for the next call.
+            The update, followed by the arguments for the next call.
         """
         # Taken once: `choose` may replace it meanwhile.
         ring = self.scope
@@ -189,11 +189,11 @@ class LiveFeed(abc.ABC):
 
     @abc.abstractmethod
     def document(self) -> Row:
-        """Return the observations as the command would have written them."""
+        """Return the observations as the command would write them."""
 
     @abc.abstractmethod
     def _run(self) -> None:
-        """Look until `close`."""
+        """Read until `close`."""
 
     def _publish(self, view: Row) -> None:
         base: Row = {"run": self.run, "source": self.source}
@@ -206,7 +206,7 @@ def _printed_row(row: Row) -> Row:
 
 
 def printed(value: object) -> object:
-    """Return plain JSON values with all texts fit to be shown."""
+    """Return plain JSON values with printable texts."""
     if isinstance(value, str):
         return printable(value)
     if isinstance(value, dict):

@@ -1,4 +1,4 @@
-"""The live page on a running ``fsn-master``: one more client of it, that only reads."""
+"""The live page on a running ``fsn-master``: one more client, which only reads."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ from fsoe_net.version import __version__
 
 
 class MasterFeed(LiveFeed):
-    """Follows ``fsn-master`` over its stops and restarts, and waits while there is none.
+    """Follows ``fsn-master`` across stops and restarts, and waits while there is none.
 
     Args:
-        path: Its control socket.
+        path: Control socket of ``fsn-master``.
     """
 
     def __init__(self, path: str) -> None:
@@ -40,12 +40,12 @@ class MasterFeed(LiveFeed):
         self._scope_thread = threading.Thread(target=self._watch, name="scope", daemon=True)
 
     def start(self) -> None:
-        """Begin to look."""
+        """Start reading."""
         super().start()
         self._scope_thread.start()
 
     def close(self) -> None:
-        """End; ``fsn-master`` continues."""
+        """Stop; ``fsn-master`` continues."""
         super().close()
         if self._scope_thread.is_alive():
             self._scope_thread.join()
@@ -109,7 +109,8 @@ class MasterFeed(LiveFeed):
         self._start_ns = attached.start_ns
         return attached
 
-    # -- the scope has a connection of its own: every cycle of it, whatever the pictures do --------
+    # -- the scope has a separate connection, for every cycle independent of the updates
+    # --------------
 
     def _watch(self) -> None:
         while not self.closed:
@@ -132,7 +133,7 @@ class MasterFeed(LiveFeed):
 
     def _take(self, client: Client, ring: ScopeRing, symbols: Sequence[Symbol]) -> None:
         """Read cycles while a page listens and needs these signals."""
-        # A new choice of signals replaces the ring: this subscription then ends.
+        # A new selection of signals replaces the ring; this subscription then ends.
         while ring is self.scope and self.listeners and not self.closed:
             for cycle in client.watched(PICTURE_S):
                 ring.skipped += cycle.skipped
@@ -150,7 +151,7 @@ def _chosen(client: Client, ring: ScopeRing) -> list[Symbol]:
     """Return the signals of a scope.
 
     Raises:
-        EnvironmentFault: The plan that runs now does not have one of them.
+        EnvironmentFault: The running plan lacks one of them.
     """
     known = _signals(client)
     missing = [name for name in ring.names if name not in known]
@@ -214,7 +215,7 @@ def _title(status: Status) -> str:
 
 
 def _notes(status: Status) -> Iterator[str]:
-    """Yield the texts next to the tables, a line each."""
+    """Yield the texts next to the tables, one per line."""
     if status.ring is not None:
         yield status.ring.text
     if status.clocks is not None:

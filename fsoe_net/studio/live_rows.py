@@ -1,4 +1,4 @@
-"""Rows of the live page, of a running bus, an emulated run and a recorded one; see types.d.ts."""
+"""Rows of the live page for a running bus, an emulated run or a recorded one; see types.d.ts."""
 
 from __future__ import annotations
 
@@ -56,10 +56,10 @@ def connection_row(result: ConnectionResult, health: FsoeHealth, *, cause: str, 
     """Return a connection.
 
     Args:
-        result: As a run or the wire shows it.
-        health: Of the connection.
-        cause: Of its last Reset, in words.
-        held: Cycles in which inputs of its ends held old bytes.
+        result: The connection in a run or on the wire.
+        health: Health of the connection.
+        cause: Cause of its last Reset, in words.
+        held: Cycles in which inputs of its ends contained old bytes.
     """
     return {
         "name": result.name,
@@ -92,7 +92,7 @@ def health_row(health: Health) -> Row:
 
 
 def subdevice_row(health: SubDeviceHealth) -> Row:
-    """Return a SubDevice: AL state, health, its links."""
+    """Return a SubDevice: AL state, health and links."""
     subdevice = health.seen
     links = [
         {"port": port, "up": bool(up), "lost": lost}
@@ -136,7 +136,7 @@ def recorded_view(document: object) -> Row:
     """Return the view of a document of ``fsoe-net run`` or ``monitor --format json``.
 
     Raises:
-        InputError: It is another document, or damaged.
+        InputError: It is another type of document, or damaged.
     """
     try:
         if not isinstance(document, dict) or document["tool"] != "fsoe-net":
@@ -151,7 +151,7 @@ def recorded_view(document: object) -> Row:
 
 def _recorded(document: dict[str, Any]) -> Row:
     events = [_event(row) for row in document["events"]]
-    # A file of a person: its size must not decide about the memory of the page.
+    # A file of a user: its size must not determine the memory used by the page.
     if len(events) > _MOST_EVENTS:
         raise ValueError(f"more than {_MOST_EVENTS} events")
     subdevices = [_subdevice(row) for row in document["subdevices"]]
@@ -200,7 +200,7 @@ def _optional(make: Callable[[Any], object]) -> Callable[[Any], object]:
     return lambda value: None if value is None else make(value)
 
 
-# By the type of a field: what a document holds in its place becomes that, or is refused.
+# By the type of a field: the value in the document is converted to it, or rejected.
 _MAKE: dict[str, Callable[[Any], object]] = {
     "str": str,
     "int": int,

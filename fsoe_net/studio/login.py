@@ -1,4 +1,4 @@
-"""A password opens the page for other machines; wrong ones make the next try wait."""
+"""Access to the page from other machines by password; wrong passwords delay the next attempt."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ _SESSION_S = 24 * 3600.0
 _MOST_SESSIONS = 32
 _FIRST_WAIT_S, _LONGEST_WAIT_S = 0.5, 60.0
 _MOST_ADDRESSES = 1000
-_MOST_TRIES = 4  # that wait for their turn: one password is hashed at a time, which takes 16 MiB
+_MOST_TRIES = 4  # that wait for their turn: one password is hashed at a time, which needs 16 MiB
 _HEADERS = {
     "content-security-policy": "default-src 'none'; style-src 'self'; base-uri 'none'; "
     "form-action 'self'; frame-ancestors 'none'",
-    "referrer-policy": "same-origin",  # without one, a form names no origin
+    "referrer-policy": "same-origin",  # otherwise forms send no origin
 }
 
 
@@ -41,7 +41,7 @@ class _Wrong:
 
 @dataclass(slots=True)
 class Login:
-    """Sessions of browsers that knew the password.
+    """Sessions of browsers that entered the password.
 
     Args:
         password: The password; only its hash is kept.
@@ -58,11 +58,11 @@ class Login:
     _turn: asyncio.Lock = field(default_factory=asyncio.Lock)
 
     def __post_init__(self) -> None:
-        """Forget the password itself."""
+        """Discard the password itself."""
         self._hash, self.password = self._hashed(self.password), ""
 
     def knows(self, session: str) -> bool:
-        """Whether a cookie is of a session that has not ended."""
+        """Whether a cookie belongs to a session that has not ended."""
         now = monotonic()
         return any(
             hmac.compare_digest(session.encode(), known.encode()) and now < end
@@ -70,7 +70,7 @@ class Login:
         )
 
     async def answer(self, request: Request) -> Response:
-        """Show the page that asks for the password, or take one."""
+        """Show the page that asks for the password, or accept one."""
         if request.method != "POST":
             return _page("")
         length = request.headers.get("content-length", "")
@@ -83,21 +83,21 @@ class Login:
         fields = parse_qs((await request.body()).decode("utf-8", "replace"))
         wrong = self._wrong_of("" if request.client is None else request.client.host)
         wait = wrong.until - monotonic()
-        # Also the right password waits: otherwise guessing in parallel would be free.
+        # The right password also waits: otherwise guessing in parallel would be free.
         if wait > 0:
             return _page(f"not tried: wait {wait:.0f} s after a wrong password", 429)
-        # Hashing is slow on purpose; a queue of attempts would block everybody.
+        # Hashing is deliberately slow; a queue of attempts would block all users.
         if self._tries >= _MOST_TRIES:
             return _page("not tried: too many log in at once; try again", 429)
-        # Counted before it is known, so that many at once gain nothing.
+        # Counted before the result is known, so that parallel attempts gain nothing.
         wrong.until = monotonic() + min(_LONGEST_WAIT_S, _FIRST_WAIT_S * 2**wrong.count)
         wrong.count = min(wrong.count + 1, 16)
         self._tries += 1
         try:
-            # One hash at a time: it uses much memory by design.
+            # One hash at a time, because it deliberately uses much memory.
             async with self._turn:
                 given = await run_in_threadpool(self._hashed, fields.get("password", [""])[0])
-        # In `finally`: a client that disconnects must not use up an attempt for good.
+        # In `finally`: a client that disconnects must not use up an attempt permanently.
         finally:
             self._tries -= 1
         if not hmac.compare_digest(given, self._hash):
@@ -121,7 +121,7 @@ class Login:
     def _wrong_of(self, address: str) -> _Wrong:
         client = client_network(address)
         found = self._wrong.pop(client, _Wrong())
-        self._wrong[client] = found  # the latest are last
+        self._wrong[client] = found  # the latest entries are last
         while len(self._wrong) > _MOST_ADDRESSES:
             del self._wrong[next(iter(self._wrong))]
         return found

@@ -1,7 +1,7 @@
 """Documents about the network: its report, differences, incidents, the intervention log.
 
-Each is the page that the command of that name writes. It is served without scripts and in a
-sandbox, with the hashes of its own styles as the only ones that count.
+Each one is the page written by the command of that name. It is served without scripts and in a
+sandbox, and only its own styles are permitted, by their hashes.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ from fsoe_net.studio.folder import Folder
 from fsoe_net.studio.workspace import Workspace
 from fsoe_net.version import __version__
 
-_MOST_ENTRIES = 200  # of an intervention log, as the command shows
+_MOST_ENTRIES = 200  # of an intervention log, as in the command
 _STYLES = re.compile(r'<style>(.*?)</style>|\sstyle="([^"]*)"', re.DOTALL)
 
 Query = Mapping[str, str]
@@ -55,11 +55,11 @@ class Records:
     """Routes of the documents.
 
     Args:
-        workspace: The network file; a report is of the text as it is in the page.
-        folder: Where it is.
+        workspace: The network file; a report uses the text in the page.
+        folder: Folder of the network file.
 
     Attributes:
-        routes: To be joined to those of the server.
+        routes: Routes to add to the server.
     """
 
     def __init__(self, workspace: Workspace, folder: Folder) -> None:
@@ -125,13 +125,13 @@ class Records:
         checked, resolution = self._network()
         path = self._workspace.path
         kinds = (CompanionKind.RECORD, CompanionKind.OTHER)
-        # The saved file is read again: another program may have changed it.
-        other = self._of(query, "file", *kinds)  # without one: the network file as it is saved
+        # The saved file is read again, because another program may have changed it.
+        other = self._of(query, "file", *kinds)  # without a file: the network file as saved
         before = read_side(path if other is None else other.path, self._workspace.loading)
         now = side_of_network(resolution, f"{path}, as it is in the page")
         difference = compare(before, now)
         sections: list[Section] = []
-        # Only an acceptance record lists what was tried; other files name no steps to repeat.
+        # Only an acceptance record lists the tests; other files name no steps to repeat.
         if other is not None and other.kind is CompanionKind.RECORD:
             plan = plan_to_show(resolution, checked.diagnostics)
             again = since(read_record(other.path), resolution, plan).again
@@ -184,17 +184,17 @@ def document_response(document: Document, status: int = 200) -> Response:
     )
     headers = {
         "content-security-policy": policy,
-        "cross-origin-opener-policy": "unsafe-none",  # some open no sandbox alone else
+        "cross-origin-opener-policy": "unsafe-none",  # some browsers open no sandbox otherwise
     }
     return HTMLResponse(text, status, headers)
 
 
 def _commands(network: str, rows: list[CompanionFile]) -> list[str]:
-    """Return the commands for a person to sign the network off in its folder."""
+    """Return the commands for a person to sign off the network in its folder."""
     name = os.path.basename(network)
     test_record = next((row.name for row in rows if row.kind is CompanionKind.TEST_RECORD), None)
     before = next((row.name for row in rows if row.kind is CompanionKind.RECORD), None)
-    # A record is never overwritten: the new one names the one that it replaces.
+    # A record is never overwritten: the new one refers to the one that it replaces.
     record = "acceptance.yaml" if before is None else "acceptance-new.yaml"
     replaces = "" if before is None else f"--replaces {shlex.quote(before)} "
     net, test = shlex.quote(name), shlex.quote(test_record or "test-record.yaml")

@@ -1,4 +1,4 @@
-"""Maps and lists of a network file, found by the part of the network that was read from them."""
+"""Maps and lists of a network file, found by the part of the network read from them."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ Change = Callable[[Any], None]
 
 
 def number_of(request: Mapping[str, object], key: str, most: int) -> int:
-    """Return a number of a request.
+    """Return a number in a request.
 
     Raises:
-        InputError: It is not there, or not from 0 to ``most``.
+        InputError: The number is missing, or not from 0 to ``most``.
     """
     value = request.get(key)
     if type(value) is not int or not 0 <= value <= most:
@@ -28,10 +28,10 @@ def number_of(request: Mapping[str, object], key: str, most: int) -> int:
 
 
 def new_name_of(request: Mapping[str, object]) -> str:
-    """Return a name that a person has typed.
+    """Return a name entered by a person.
 
     Raises:
-        InputError: It is empty, too long, or has characters that do not print.
+        InputError: The name is empty, too long, or has unprintable characters.
     """
     name = request.get("name")
     if not isinstance(name, str) or not 0 < len(name) <= _LONGEST_NAME or not name.isprintable():
@@ -55,7 +55,7 @@ def row_of(rows: Any, part: Located) -> Any:
     """Return the list item of the file from which a part of the network was read.
 
     Raises:
-        InputError: It is in another file, or is shared by an anchor.
+        InputError: The item is in another file, or is shared by an anchor.
     """
     for row in rows or ():
         if getattr(row, "place", None) == (part.span.line, part.span.column):
@@ -76,13 +76,13 @@ def list_in(parent: Any, key: str) -> Any:
 
 
 def subdevice_row(document: Any, resolution: Resolution, name: str) -> tuple[Any, Any]:
-    """Return the list that a SubDevice is in, and its map.
+    """Return the list that contains a SubDevice, and its map.
 
     Raises:
-        InputError: As `row_of`.
+        InputError: As in `row_of`.
     """
     subdevice = resolution.network.subdevices[resolution.numbers[name]]
-    # The SubDevices of a file with several buses are below each bus.
+    # In a file with several buses, the SubDevices are below each bus.
     lists = [document, *(document.get("buses") or ())]
     rows = [(part["subdevices"], row) for part in lists for row in part.get("subdevices") or ()]
     found = row_of([row for _, row in rows], subdevice)
@@ -95,14 +95,14 @@ def net_of(document: Any, connection: Connection) -> Any:
 
 
 def disconnected(document: Any, connection: Connection) -> None:
-    """Remove a connection with its transfers, and its net if that is then empty."""
+    """Remove a connection with its transfers, and its net if it becomes empty."""
     net = net_of(document, connection)
     parts: list[tuple[str, Located]] = []
     if connection.facts is not None:
         parts.append(("connections", connection.facts))
     for way in (connection.to_sub, connection.to_main):
         if not way.made:
-            # Made copies follow from the connection and are not in the file.
+            # Created copies follow from the connection and are not in the file.
             parts.append(("transfers", way.transfer))
     for key, part in parts:
         remove_row(net[key], row_of(net[key], part))

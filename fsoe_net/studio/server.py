@@ -1,4 +1,4 @@
-"""The server of the page: one file, one person at this machine, or with the password."""
+"""The server of the page: one file, for one person at this machine or with the password."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from fsoe_net.studio.uploads import MAX_UPLOAD_BYTES, Uploads
 from fsoe_net.studio.workspace import MAX_TEXT_BYTES, StaleVersion, Workspace
 
 TRIAL_MS = 1000
-"""Simulated time of a try."""
+"""Simulated time of a trial."""
 
 _MOST_EVENTS = 500
 
@@ -50,11 +50,11 @@ def try_network(checked: Checked) -> Row:
         checked: The network, with everything found in it.
 
     Returns:
-        Plain JSON values: connections with how they ended, and what happened, in order.
+        Plain JSON values: connections with their final state, and the events in order.
 
     Raises:
-        InputError: The network has errors, or moves nothing.
-        CoreMissing: The compiled part is not there.
+        InputError: The network has errors, or copies nothing.
+        CoreMissing: The compiled part is missing.
     """
     resolution = whole_network(checked, "not tried")
     run = simulate(resolution, duration_ns=TRIAL_MS * 1_000_000)
@@ -95,9 +95,9 @@ def _connection(row: ConnectionResult, absent: dict[str, str]) -> Row:
 
 
 _ASSETS = Path(__file__).parent / "assets"
-_BODY_LIMIT = 2 * MAX_TEXT_BYTES + 4096  # JSON writes some characters as two
+_BODY_LIMIT = 2 * MAX_TEXT_BYTES + 4096  # JSON encodes some characters as two
 _LOOK_EVERY_S = 0.5
-_EVENTS_S = 1.0  # of silence; then a stream sends a keep-alive and checks for the end
+_EVENTS_S = 1.0  # of silence; after that a stream sends a keep-alive and checks for the end
 
 Body = dict[str, object]
 Act = Callable[[Workspace, int, Body], Sequence[str] | None]
@@ -130,18 +130,18 @@ _ACTS: dict[str, Act] = {
 
 
 class Studio:
-    """A server for one file; it listens as soon as it is made.
+    """A server for one file; it listens as soon as it is created.
 
     Args:
         workspace: The file.
-        port: To listen on; 0: any free one.
-        control_socket: Of a running ``fsn-master`` that the live page follows.
-        remote: Lets other machines in; without it there is 127.0.0.1 only.
-        allow_control: Whether the live page may act on the bus of that ``fsn-master``.
+        port: Port to listen on; 0 for any free one.
+        control_socket: Control socket of a running ``fsn-master`` that the live page follows.
+        remote: Settings for access from other machines; without it, only 127.0.0.1.
+        allow_control: Whether the live page may control the bus of that ``fsn-master``.
         runs_emulated: Whether an emulated run starts with the server.
 
     Attributes:
-        url: Opens the page; of this machine once, of others with the password.
+        url: Opens the page; once on this machine, with the password on others.
 
     Raises:
         EnvironmentFault: The address or port cannot be used.
@@ -216,7 +216,7 @@ class Studio:
         self._server.run(sockets=[self._socket])
 
     def stop(self) -> None:
-        """End `run`; from any thread."""
+        """End `run`; may be called from any thread."""
         self._server.should_exit = True
 
     async def _page(self, _: Request) -> Response:
@@ -234,18 +234,18 @@ class Studio:
         except (ValueError, UnicodeDecodeError, RecursionError):
             return JSONResponse({"error": "the request is not valid JSON"}, 400)
         version = body.get("version") if isinstance(body, dict) else None
-        # `bool` is an `int` in Python; only a real number is a version.
+        # `bool` is an `int` in Python; only an actual number is a version.
         if type(version) is not int:
             return JSONResponse({"error": "the request names no version"}, 400)
         try:
-            # In a thread: a change checks the whole network and must not block the other pages.
+            # In a thread: a change checks the whole network and must not block other pages.
             said = await run_in_threadpool(act, self._workspace, version, body)
         except StaleVersion:
             text = "something else has changed meanwhile; look at it, and do it again"
             return await self._answer(error=text, status=409)
         except (FsnError, ValueError) as exc:
             return await self._answer(error=printable(str(exc)), status=422)
-        # Only after a change: other pages read the new state when they are told.
+        # Only after a change, because other pages read the new state when notified.
         self._announce()
         return await self._answer(said=said or ())
 
@@ -266,7 +266,7 @@ class Studio:
         return JSONResponse(own | state, status)
 
     async def _events(self, _: Request) -> Response:
-        """Say each new version, so that a second tab follows."""
+        """Send each new version, so that a second tab is updated."""
 
         async def versions() -> AsyncIterator[str]:
             sent = 0
@@ -284,7 +284,7 @@ class Studio:
         return StreamingResponse(versions(), media_type="text/event-stream")
 
     def _announce(self) -> None:
-        # Another event for the next change: a lock would stay locked where a page goes meanwhile.
+        # Another event for the next change: a lock would stay locked if a page disconnects.
         self._changed.set()
         self._changed = asyncio.Event()
 

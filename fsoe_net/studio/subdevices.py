@@ -1,7 +1,7 @@
 """Changes of SubDevices in the drawing: ``place``, ``move``, ``rename``, ``remove``, and adding.
 
-Positions and aliases describe the existing machine; they are never chosen here, except for a
-SubDevice that is added without a position: it gets the next one after the last.
+Positions and aliases describe the existing machine; they are never selected here, except for a
+SubDevice that is added without a position: it gets the next position after the last one.
 """
 
 from __future__ import annotations
@@ -35,21 +35,21 @@ def added(
     Args:
         resolution: Resolution of the text.
         rows: SubDevices to add; given positions are kept.
-        bus: Number of the bus, 0 where the file has one.
+        bus: Number of the bus, 0 if the file has only one.
 
     Raises:
-        InputError: Unknown bus, a position is taken, or no position is left.
+        InputError: Unknown bus, a position is in use, or no position is left.
     """
     network = resolution.network
     if bus and bus >= len(network.buses):
         raise InputError("unknown bus")
-    # An alias starts a count of positions of its own: those SubDevices cannot collide here.
+    # An alias starts a separate count of positions, so those SubDevices cannot collide here.
     there = [sub for sub in network.subdevices if sub.master_id == bus and not sub.alias]
     taken = {sub.position: sub.name for sub in there}
     names = set(resolution.numbers)
     made: list[dict[str, object]] = []
     for row in rows:
-        # Counted on with each row: several SubDevices of one request follow each other.
+        # Incremented with each row: several SubDevices of one request are consecutive.
         position = max(taken, default=-1) + 1 if row.position is None else row.position
         if position in taken:
             raise InputError(f"position {position} is taken by {taken[position]}")
@@ -63,7 +63,7 @@ def added(
             fields["revision"] = Hex(row.revision)
         made.append(fields)
 
-    # The names of device files are decided when the text is written, as they may exist by then.
+    # The names of device files are determined when the text is written, as files may exist by then.
     def change(document: Any, configs: Sequence[str]) -> None:
         parent = document["buses"][bus] if network.buses else document
         found = list_in(parent, "subdevices")
@@ -87,7 +87,7 @@ def _place(request: Mapping[str, object], resolution: Resolution) -> Change:
         _, row = subdevice_row(document, resolution, name)
         for key, value in values.items():
             row[key] = value
-        # Alias 0 means none; a file that states it would look as if it had one.
+        # Alias 0 means none, so it is not written.
         if row.get("alias") == 0:
             del row["alias"]
 
@@ -95,13 +95,13 @@ def _place(request: Mapping[str, object], resolution: Resolution) -> Change:
 
 
 def _move(request: Mapping[str, object], resolution: Resolution) -> Change:
-    """Put a SubDevice to the place of another: those between move up, all positions stay in use."""
+    """Move a SubDevice to the place of another: those between shift, all positions stay in use."""
     subdevices = resolution.network.subdevices
     moved, other = (
         subdevices[resolution.numbers[name_of(request, key, resolution)]]
         for key in ("subdevice", "to")
     )
-    # Only SubDevices that are counted from the start of one bus have an order that can change.
+    # Only SubDevices that count from the start of one bus have an order that can change.
     if moved.alias or other.alias or moved.master_id != other.master_id:
         raise InputError(
             "only SubDevices of one bus that are counted from its begin change their places; "
@@ -111,7 +111,7 @@ def _move(request: Mapping[str, object], resolution: Resolution) -> Change:
         (s for s in subdevices if s.master_id == moved.master_id and not s.alias),
         key=lambda s: s.position,
     )
-    # The set of positions stays the same: gaps in a bus are facts of the machine.
+    # The set of positions stays the same, because gaps in a bus are facts of the machine.
     positions = [sub.position for sub in line]
     place = line.index(other)
     line.remove(moved)
@@ -126,7 +126,7 @@ def _move(request: Mapping[str, object], resolution: Resolution) -> Change:
 
 
 def _rename(request: Mapping[str, object], resolution: Resolution) -> Change:
-    """Give a SubDevice another name, wherever the file has the old one."""
+    """Give a SubDevice another name, wherever the file uses the old one."""
     old, new = name_of(request, "subdevice", resolution), new_name_of(request)
     if new in resolution.numbers:
         raise InputError(f"a SubDevice has the name {new} already")
@@ -134,7 +134,7 @@ def _rename(request: Mapping[str, object], resolution: Resolution) -> Change:
     def change(document: Any) -> None:
         _, row = subdevice_row(document, resolution, old)
         row["name"] = new
-        # Lists that are missing or wrong are skipped: the text may have errors while it is edited.
+        # Missing or invalid lists are skipped: the text may have errors while it is edited.
         for net in _maps(document.get("nets")):
             _renamed(net, ("safety_master", "transfer_master"), old, new)
             for part in _maps(net.get("connections")):
@@ -147,7 +147,7 @@ def _rename(request: Mapping[str, object], resolution: Resolution) -> Change:
                 _renamed(part, ("sub",), old, new)
         for group in _maps(document.get("groups")):
             names = group.get("subdevices") or []
-            # Assigned in place: a new list would lose the comments of the file.
+            # Assigned in place, because a new list would lose the comments of the file.
             names[:] = [new if str(name) == old else name for name in names]
 
     return change
@@ -160,12 +160,12 @@ def _renamed(row: Any, keys: Sequence[str], old: str, new: str) -> None:
 
 
 def _remove(request: Mapping[str, object], resolution: Resolution) -> Change:
-    """Remove a SubDevice with all that is copied to and from it; its device file stays."""
+    """Remove a SubDevice with all its copies; its device file is kept."""
     name = name_of(request, "subdevice", resolution)
     sub = resolution.network.subdevices[resolution.numbers[name]]
 
     def change(document: Any) -> None:
-        # What goes is found by its place, which a removal before it does not change.
+        # Items are found by their place, which an earlier removal does not change.
         for connection in resolution.connections:
             if sub in (connection.main, connection.sub):
                 disconnected(document, connection)
@@ -204,7 +204,7 @@ def _remove_from_groups(document: Any, name: str) -> None:
 
 
 def _without(parent: Any, key: str, goes: Callable[[Any], bool]) -> bool:
-    """Remove items of a list, and the list with its last one; return whether there were some."""
+    """Remove items of a list, and the list if it becomes empty; return whether there were any."""
     gone = [row for row in _maps(parent.get(key)) if goes(row)]
     for row in gone:
         remove_row(parent[key], row)
@@ -214,7 +214,7 @@ def _without(parent: Any, key: str, goes: Callable[[Any], bool]) -> bool:
 
 
 def _maps(rows: Any) -> list[Any]:
-    """Return the items that are maps; others are findings, and unchanged."""
+    """Return the items that are maps; others are findings and stay unchanged."""
     return [row for row in rows or () if isinstance(row, dict)]
 
 

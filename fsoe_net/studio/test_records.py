@@ -87,7 +87,7 @@ class TestRecords:
         }
         if not files:
             return state
-        # An unknown number may be from a page that was loaded before a file was removed.
+        # An unknown number may come from a page that was loaded before a file was removed.
         chosen = next((n for n, _ in files if str(n) == number), files[0][0])
         path = self._folder.find(chosen, CompanionKind.TEST_RECORD).path
         test_record, found = self._read(path)
@@ -96,7 +96,7 @@ class TestRecords:
         return state | _test_record(test_record) | more
 
     def _read(self, path: str) -> tuple[TestRecord, list[Diagnostic]]:
-        """Return a test record, compared with the network where that compiles to a plan."""
+        """Return a test record, compared with the network if that compiles to a plan."""
         checked = self._workspace.checked
         try:
             resolution = whole_network(checked, "not compared")

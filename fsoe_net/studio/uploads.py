@@ -1,7 +1,7 @@
-"""Files uploaded by a person, and their content that can be added to the network.
+"""Files uploaded by a person, and the parts of their content that can be added to the network.
 
-They lie in a folder of this process until it ends or they are put away; what is in them is known
-only after the readers of ``fsoe-net init`` have checked it.
+They are in a folder of this process until it ends or they are removed. Their content is unknown
+until the readers of ``fsoe-net init`` have checked it.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from fsoe_net.studio.subdevices import added
 from fsoe_net.studio.workspace import Workspace
 
 MAX_UPLOAD_BYTES = MAX_LARGE_BYTES
-"""Of all files together."""
+"""Maximum size of all files together."""
 
 _MOST_FILES = 200
 _MOST_OFFERS = 3000
@@ -41,7 +41,7 @@ Row = dict[str, object]
 
 @dataclass(slots=True)
 class _Content:
-    """What the uploaded files state."""
+    """Content of the uploaded files."""
 
     offers: tuple[Offer, ...]
     draft: Draft | None = None
@@ -50,11 +50,11 @@ class _Content:
 
 
 class Upload:
-    """A file that is being received; it counts when `Uploads.put` has it.
+    """A file being received; it is added by `Uploads.put`.
 
     Attributes:
-        name: Its name on the uploads, with the folders that it came with.
-        path: Where its bytes are.
+        name: Its name in the uploads, including uploaded folders.
+        path: Path of its content.
     """
 
     def __init__(self, name: str, path: str) -> None:
@@ -66,14 +66,14 @@ class Upload:
         self._stream.write(data)
 
     def close(self, *, keep: bool) -> None:
-        """End it; without ``keep`` all files are removed."""
+        """Complete the file; without ``keep`` all files are removed."""
         self._stream.close()
         if not keep:
             os.unlink(self.path)
 
 
 class Uploads:
-    """The files; every method may be called from any thread.
+    """The uploaded files; every method may be called from any thread.
 
     Attributes:
         scan: The first scan among them, with the name of its file.
@@ -83,18 +83,18 @@ class Uploads:
     def __init__(self) -> None:
         self._lock = threading.RLock()
         self._folder: tempfile.TemporaryDirectory[str] | None = None
-        self._files: dict[str, str] = {}  # path by shown name
+        self._files: dict[str, str] = {}  # path by displayed name
         self._count = 0
         self._content: _Content | None = None
         self.scan: tuple[str, Scan] | None = None
         self.esis: tuple[str, ...] = ()
 
     def begin(self, name: str) -> Upload:
-        """Begin to receive a file.
+        """Begin receiving a file.
 
         Args:
-            name: As the browser calls it, with folders where one was given; nothing in it leads
-                elsewhere.
+            name: Name given by the browser, with folders if uploaded; it cannot lead out of the
+                folder.
 
         Raises:
             InputError: There are too many files.
@@ -105,17 +105,17 @@ class Uploads:
             if self._folder is None:
                 self._folder = tempfile.TemporaryDirectory(prefix="fsoe-net-studio-")
             self._count += 1
-            # Programs that read a folder skip names that begin with a point.
+            # Programs that read a folder skip names that begin with a dot.
             return Upload(_safe(name), os.path.join(self._folder.name, f".part{self._count}"))
 
     def room_bytes(self) -> int:
-        """Return how many bytes there is room for."""
+        """Return the free space in bytes."""
         with self._lock:
             sizes = sum(os.path.getsize(path) for path in self._files.values())
         return max(0, MAX_UPLOAD_BYTES - sizes)
 
     def put(self, upload: Upload) -> None:
-        """Take a file that was received whole; one of the same name goes.
+        """Add a completely received file; it replaces one with the same name.
 
         Raises:
             OSError: A file and a folder would have the same name.
@@ -133,7 +133,7 @@ class Uploads:
             self._content = None
 
     def clear(self) -> None:
-        """Put all files away."""
+        """Remove all files."""
         with self._lock:
             if self._folder is not None:
                 self._folder.cleanup()
@@ -183,7 +183,7 @@ class Uploads:
         with self._lock:
             known = self._read().offers
             chosen = [known[n] for n in numbers if type(n) is int and 0 <= n < len(known)]
-        # Another page may have put the files away after this page listed them.
+        # Another page may have removed the files after this page listed them.
         if not chosen or len(chosen) < len(numbers):
             raise InputError("what was to be added is not here any more; look at the list again")
         rows = [_possible(row) for row in chosen]
@@ -210,7 +210,7 @@ class Uploads:
         if any(row.level is Severity.ERROR for row in draft.findings):
             raise InputError("a file has errors, see above; put it away, or correct it")
         network = workspace.checked.network
-        # Files that do not name a network keep the name that this one has.
+        # Files that do not name a network keep the current name.
         if network is not None and not draft.inputs.found.name:
             draft = replace(draft, name=network.name)
         files = {name: self._named(text) for name, text in draft.files().files.items()}
@@ -218,10 +218,10 @@ class Uploads:
 
     @staticmethod
     def example(workspace: Workspace, version: int, _: Mapping[str, object]) -> None:
-        """Take the e-stop example of the package as the text.
+        """Use the e-stop example of the package as the text.
 
         Raises:
-            StaleVersion: ``version`` is not the present one.
+            StaleVersion: ``version`` is not the current one.
         """
         folder = shipped("examples") / "estop"
         texts = {
@@ -242,7 +242,7 @@ class Uploads:
         if not self._files:
             return _Content(list_offers(Gathered(), out))
         try:
-            # One file has to be right; of several, one that cannot be read is left out and said.
+            # A single file must be valid; of several, an unreadable one is omitted with a note.
             paths = list(self._files.values())
             found = gather(paths if len(paths) == 1 else [self._root], LoadOptions())
             self.esis = tuple(found.esis)
@@ -253,7 +253,7 @@ class Uploads:
             rows = [*found.out.diagnostics, *(draft.findings if draft else ()), *out.diagnostics]
             return _Content(offers, draft, _worth_a_word(rows))
         except FsnError as exc:
-            # Errors have a list of findings; other faults have only their text.
+            # Input errors have a list of findings; other errors have only their text.
             rows = list(exc.diagnostics) if isinstance(exc, InputError) else []
             return _Content(list_offers(Gathered(), out), findings=rows, error=str(exc))
 
@@ -284,7 +284,7 @@ class Uploads:
         }
 
     def place(self, text: str) -> str:
-        """Return a text to be shown, in which the files have the names that they came with."""
+        """Return a printable text in which the files have their uploaded names."""
         return printable(self._named(text))
 
     def _named(self, text: str) -> str:
@@ -304,7 +304,7 @@ def _possible(offer: Offer) -> Addition:
 
 
 def _take(workspace: Workspace, version: int, text: str, files: Mapping[str, str]) -> None:
-    """Take a text that names device files, which get free names."""
+    """Use a text that refers to device files, which get free names."""
 
     def change(document: Any, names: Sequence[str]) -> None:
         called = dict(zip(files, names, strict=True))
@@ -319,7 +319,7 @@ def _worth_a_word(rows: list[Diagnostic]) -> list[Diagnostic]:
 
 
 def _safe(name: str) -> str:
-    """Return an external name as one below a folder, without a way out of it."""
+    """Return an external name as a path below a folder, without a way out of it."""
     parts = [re.sub(r"[^\w. ()+-]", "_", part).strip(". ") for part in re.split(r"[/\\]", name)]
     kept = [part for part in parts if part][-_DEEPEST:] or ["file"]
     return "/".join(_short(part) for part in kept)

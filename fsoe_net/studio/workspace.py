@@ -1,7 +1,7 @@
 """A network file that people edit in a browser: its text, its findings, undo and redo.
 
-The text is the only state. Whatever the page changes is a change of the text, so that the file
-stays the user's: comments and the order of keys stay, and nothing is written before ``save``.
+The text is the only state. Every change in the page is a change of the text: comments and the order
+of keys are preserved, and nothing is written before ``save``.
 """
 
 from __future__ import annotations
@@ -27,19 +27,19 @@ from fsoe_net.studio.changes import change_of
 from fsoe_net.studio.device_files import DeviceFiles
 
 MAX_TEXT_BYTES = 4 * 1024 * 1024
-"""Of a text that is edited in the page; the commands take larger files."""
+"""Maximum size of a text edited in the page; the commands accept larger files."""
 
 _MOST_STEPS = 200  # of undo
 _MOST_KEPT_BYTES = 64 * 1024 * 1024  # of all steps together
 
 
 class StaleVersion(Exception):
-    """The page has sent a change of a text that is not the present one any more."""
+    """The page has sent a change of an outdated text."""
 
 
 @dataclass(slots=True)
 class _Steps:
-    """Earlier texts, or later ones; the oldest go first."""
+    """Earlier texts, or later ones; the oldest are dropped first."""
 
     texts: list[str] = field(default_factory=list)
 
@@ -68,13 +68,14 @@ class Workspace:
 
     Args:
         path: The file.
-        loading: How references in it are followed.
+        loading: Options for following references.
         new_text: Initial text if the file does not exist, not yet written.
 
     Attributes:
         path: The file.
-        loading: How references in it are followed.
-        version: Counts changes of the displayed text: a change names the version it is based on.
+        loading: Options for following references.
+        version: Counts changes of the displayed text; a change names the version that it is based
+            on.
         text: The text in the page.
         outside: Whether another program has changed the file since it was read or written here.
         checked: The network of the text, with its findings.
@@ -93,7 +94,7 @@ class Workspace:
         self._undo, self._redo = _Steps(), _Steps()
         self.version = 1
         self.outside = False
-        # A new file must not take the place of one that was created meanwhile.
+        # A new file must not replace one that was created in the meantime.
         is_new = new_text is not None and not os.path.lexists(path)
         self._file = _OnDisk() if is_new else _read(path)
         self._signature: tuple[tuple[str, int, int], ...] = ()
@@ -117,7 +118,7 @@ class Workspace:
 
     @contextmanager
     def read_as_edited(self) -> Iterator[None]:
-        """Let readers of files find the text as it is in the page, and device files with it."""
+        """Make readers use the text and the device files of the page."""
         with self._lock:
             contents = self._contents()
         with replaced_files(contents):
@@ -125,20 +126,20 @@ class Workspace:
 
     @property
     def can_undo(self) -> bool:
-        """Whether there is a step to take back."""
+        """Whether there is a step to undo."""
         return bool(self._undo.texts)
 
     @property
     def can_redo(self) -> bool:
-        """Whether a step was taken back."""
+        """Whether there is a step to redo."""
         return bool(self._redo.texts)
 
     def replace(self, version: int, text: str) -> None:
-        """Take a text as a person has typed it.
+        """Accept a text entered by a person.
 
         Raises:
-            StaleVersion: ``version`` is not the present one.
-            InputError: It is too long.
+            StaleVersion: ``version`` is not the current one.
+            InputError: The text is too long.
         """
         with self._lock:
             self._expect(version)
@@ -189,19 +190,19 @@ class Workspace:
             change(edited.document, names)
             made = edited.text
             _limit(made)
-            if made != self.text:  # otherwise redo stays
+            if made != self.text:  # otherwise redo is kept
                 self._new = new
             self._set(made)
 
     def fix(self, version: int, number: int) -> None:
-        """Follow the hint of a finding that leaves one way.
+        """Apply the hint of a finding that has exactly one solution.
 
         Args:
-            version: Of the text.
-            number: Of the finding, from 0.
+            version: Version of the text.
+            number: Number of the finding, from 0.
 
         Raises:
-            StaleVersion: ``version`` is not the present one.
+            StaleVersion: ``version`` is not the current one.
             InputError: The finding has no such hint, or it is about another file.
         """
         with self._lock:
@@ -214,23 +215,23 @@ class Workspace:
             self._set(data.decode("utf-8"))
 
     def undo(self, version: int) -> None:
-        """Undo the last step, if any. Raises as `replace`."""
+        """Undo the last step, if any. Raises as in `replace`."""
         self._step(version, self._undo, self._redo)
 
     def redo(self, version: int) -> None:
-        """Make the step again that was taken back last. Raises as `replace`."""
+        """Redo the last undone step. Raises as in `replace`."""
         self._step(version, self._redo, self._undo)
 
     def save(self, version: int) -> None:
-        """Write the file, whole or not at all; also a network that has errors.
+        """Write the file, completely or not at all, even if the network has errors.
 
-        New device files that it names are written before it.
+        New device files of the network are written first.
 
         Raises:
-            StaleVersion: ``version`` is not the present one.
-            InputError: Somebody else has changed the file: `take_file` shows theirs; or has made
-                a device file meanwhile that has another content.
-            EnvironmentFault: It cannot be written; the existing content is unchanged.
+            StaleVersion: ``version`` is not the current one.
+            InputError: The file was changed by another program (`take_file` loads it), or a device
+                file with another content was created in the meantime.
+            EnvironmentFault: A file cannot be written; the existing content is unchanged.
         """
         with self._lock:
             self._expect(version)
@@ -250,10 +251,10 @@ class Workspace:
             self.version += 1
 
     def take_file(self, version: int) -> None:
-        """Take the text that is in the file now; the one before comes back with `undo`.
+        """Use the current text of the file; `undo` restores the previous one.
 
         Raises:
-            StaleVersion: ``version`` is not the present one.
+            StaleVersion: ``version`` is not the current one.
             InputError: The file cannot be read.
         """
         with self._lock:
@@ -263,9 +264,10 @@ class Workspace:
             self._set(self._file.text)
 
     def look(self) -> bool:
-        """Look whether a file has changed on the disk; return whether the page has to know.
+        """Check whether a file has changed on disk; return whether the page must be notified.
 
-        The network file of a text without changes is read again; every other file counts at once.
+        The network file is read again if the text has no changes; every other file counts
+        immediately.
         """
         with self._lock:
             # Sizes and times only: this is called often, and reading all files takes time.
@@ -275,17 +277,17 @@ class Workspace:
             found = None
             try:
                 found = _read(self.path)
-            # An editor replaces a file in two steps: it may be missing for a moment.
+            # An editor replaces a file in two steps, so it may be missing for a moment.
             except InputError:
                 self.outside = not self.is_new or os.path.lexists(self.path)
             else:
                 self.outside = found.sha256 != self._file.sha256
-            # Without own changes nothing can be lost by taking the text of the disk.
+            # Without own changes, using the text on disk loses nothing.
             if self.outside and self.is_saved and found is not None:
                 self._file, self.outside = found, False
                 self._set(found.text)
             else:
-                # A device file has changed: the text is the same, its findings may differ.
+                # A device file has changed: the text is the same, but its findings may differ.
                 self._renew()
             return True
 
