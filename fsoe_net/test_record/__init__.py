@@ -1,5 +1,5 @@
-"""The record of tests at a machine: its steps, tried on an emulated bus or by a person.
+"""The record of tests at a machine: its steps, done on an emulated bus or by a person.
 
-Add here: a kind of step with what is expected and how its times are measured. Do not add: the file
-format (`formats/own`), the printed page (`report`).
+Add here: a kind of step with its expected result and the measurement of its times. Do not add: the
+file format (`formats/own`), the printed page (`report`).
 """

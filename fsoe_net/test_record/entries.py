@@ -1,7 +1,7 @@
 """Writes the entries of a person at the machine into a test record without losing data.
 
-An entry includes the values that the person saw in the file: if they have changed meanwhile,
-nothing is written. An entry that corrects an earlier one keeps it in the remark. Other text of
+An entry includes the values that the person saw in the file: if they have changed in the meantime,
+nothing is written. A correction keeps the earlier entry in the remark. Other text entered by
 people, including comments, is preserved.
 """
 
@@ -42,10 +42,10 @@ class Conflict(InputError):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MachineEntry:
-    """What a person has entered.
+    """Values entered by a person.
 
     Attributes:
-        step: Id of a step; empty for what was read at a SubDevice.
+        step: Id of a step; empty for data read at a SubDevice.
         subdevice: Its name.
         before: The values in the file when the person began.
         now: The values.
@@ -58,7 +58,7 @@ class MachineEntry:
 
 
 def step_fields(step: TestStep) -> dict[str, str]:
-    """Return the column of the machine as texts, empty for what is not filled in."""
+    """Return the column of the machine as texts; empty if not filled in."""
     machine = step.machine
     return {
         "result": "" if machine.outcome is None else machine.outcome.value,
@@ -82,9 +82,9 @@ def enter(path: str, entry: MachineEntry) -> dict[str, str]:
         The resulting values in the file.
 
     Raises:
-        Conflict: Another entry was made meanwhile.
-        InputError: The file is not a test record, or cannot take the entry; with the reason.
-        EnvironmentFault: It cannot be written; the existing content is unchanged.
+        Conflict: Another entry was made in the meantime.
+        InputError: The file is not a test record, or cannot contain the entry; with the reason.
+        EnvironmentFault: The file cannot be written; the existing content is unchanged.
     """
     source, data = read_source(path)
     test_record = _test_record(path, data)
@@ -92,16 +92,17 @@ def enter(path: str, entry: MachineEntry) -> dict[str, str]:
     before, now = (_taken(fields, present) for fields in (entry.before, entry.now))
     if entry.step:
         now = _kept(before, now)
-    # The same entry twice is the usual result of a lost answer, and is not a conflict.
+    # The same entry twice usually results from a lost answer, and is not a conflict.
     if present == now:
         return now
-    # Compared with what the person saw: an entry of another person must not be overwritten.
+    # Compared with the values that the person saw: an entry of another person must not be
+    # overwritten.
     if present != before:
         raise Conflict(present)
     edited = EditedText(data.decode("utf-8-sig"), path)
     row = _row(edited.document, entry)
     for key, text in now.items():
-        # Only changed values are written, so that comments and quotes of others stay.
+        # Only changed values are written, so that comments and quotes of others are preserved.
         if text != present[key]:
             row[key] = _number(text) if key == "measured_ms" and text else text
     new = edited.text.encode("utf-8")
@@ -136,10 +137,10 @@ def _present(test_record: TestRecord, entry: MachineEntry) -> dict[str, str]:
 
 
 def _taken(fields: Fields, present: Fields) -> dict[str, str]:
-    """Return the values that a row has, on one line each."""
+    """Return the existing values of a row, each on one line."""
     found = {}
     for key in present:
-        # One line for each value; the file is also read by people.
+        # Each value is on one line, because people also read the file.
         text = " ".join(str(fields.get(key, "")).split())
         if len(text) > _MOST_CHARACTERS or first_control(text):
             raise InputError(
@@ -172,11 +173,11 @@ def _number(text: str) -> float | int:
 
 
 def _kept(before: Fields, now: dict[str, str]) -> dict[str, str]:
-    """Return an entry with the one it corrects in its remark."""
+    """Return an entry with the corrected one in its remark."""
     if not before["result"] or now == before:
         return now
     measured = f"{before['measured_ms']} ms" if before["measured_ms"] else ""
-    # A remark that is contained already is not repeated with each correction.
+    # An existing remark is not repeated with each correction.
     remark = "" if before["remark"] in now["remark"] else before["remark"]
     parts = (before["result"], measured, remark, before["by"], before["date"])
     text = f"before: {', '.join(part for part in parts if part)}"
@@ -184,7 +185,7 @@ def _kept(before: Fields, now: dict[str, str]) -> dict[str, str]:
 
 
 def _row(document: Any, entry: MachineEntry) -> Any:
-    """Return the map of the file that an entry is written into."""
+    """Return the map of the file for an entry."""
     if not entry.step:
         return next(r for r in document["devices"] if str(r["subdevice"]) == entry.subdevice)
     row = next(r for r in document["steps"] if str(r["id"]) == entry.step)

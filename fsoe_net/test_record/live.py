@@ -1,8 +1,8 @@
 """A test record on a live bus: only results that a running ``fsn-master`` can show.
 
-It sees frames and AL states, not terminals and outputs: triggers are left to people. It causes no
-disturbance itself; a SubDevice is disconnected by hand, after a confirmation for each step that the
-area is guarded.
+``fsn-master`` observes frames and AL states, not terminals and outputs, so triggers are left to
+people. It causes no disturbance itself; a SubDevice is disconnected by hand, after a confirmation
+for each step that the area is guarded.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ from fsoe_net.test_record.steps import connections_of
 
 
 class LossTimes:
-    """From the first bus cycle without a SubDevice until its connections have left Data.
+    """Times from the first bus cycle without a SubDevice until its connections have left Data.
 
-    ``now_ns`` of these events is the start of the bus cycle that showed them. A connection with
-    both ends off the bus shows nothing of its reaction: it only falls silent, and has no time.
+    ``now_ns`` of these events is the start of the bus cycle that showed them. The reaction of a
+    connection with both ends off the bus is not visible: it only becomes silent, and has no time.
 
     Args:
-        own: Names of its connections.
+        own: Names of the connections of the SubDevice.
     """
 
     def __init__(self, own: Iterable[str]) -> None:
@@ -48,10 +48,10 @@ class LossTimes:
         self._left_ns: dict[str, int] = {}
         self._silent: set[str] = set()
         self.interruptions = 0
-        """How often the working counter was incomplete and whole again before the loss."""
+        """How often the working counter was incomplete and complete again before the loss."""
 
     def take(self, event: Mapping[str, Any]) -> None:
-        """Take the reports."""
+        """Process an event."""
         kind, now_ns = event.get("event"), event.get("now_ns")
         if not isinstance(now_ns, int):
             return
@@ -84,11 +84,11 @@ class LossTimes:
 
     @property
     def silent(self) -> list[str]:
-        """Connections that only fell silent."""
+        """Connections that only became silent."""
         return sorted(self._silent - self._left_ns.keys())
 
     def took_ms(self) -> float | None:
-        """Return the time of the slowest connection, ms; ``None`` when it was not seen."""
+        """Return the time of the slowest connection, ms; ``None`` if it was not observed."""
         if self._lost_ns is None or not self._left_ns:
             return None
         if self._left_ns.keys() | self._silent != self._own:
@@ -103,7 +103,7 @@ _POLL_S = 0.02
 
 
 class Observer(Interface):
-    """What is needed of a running ``fsn-master``; `fsoe_net.live.client.Client` is one."""
+    """The required interface of a running ``fsn-master``, as in `fsoe_net.live.client.Client`."""
 
     def status(self) -> Status:
         """Return state and plan."""
@@ -118,7 +118,7 @@ class Observer(Interface):
         """Subscribe to every change."""
 
     def events(self, wait_s: float = 0.0) -> list[dict[str, Any]]:
-        """Return the reports, after waiting at most ``wait_s`` for the first of them."""
+        """Return the events, after waiting at most ``wait_s`` for the first one."""
 
 
 class Person(Interface):
@@ -143,26 +143,26 @@ def run_tests_live(
     clock: Callable[[], float] = time.monotonic,
     on_step: Callable[[TestRecord, TestStep], None] | None = None,
 ) -> TestRecord:
-    """Return the test record with the column of the live bus filled in where it shows something.
+    """Return the test record with the results of the live bus filled in, where available.
 
     Args:
-        test_record: Of this network.
+        test_record: Test record of this network.
         resolution: A network without errors.
         observer: A running ``fsn-master``.
-        person: Confirms each loss, and does it.
-        fingerprint: Of these files; without it the hashes of the plans are compared.
-        person_s: How long to wait for each thing a person does.
-        settle_s: How long to wait for what connections do by themselves.
-        clock: Seconds.
-        on_step: Called after each step that was looked at, with the test record as it then is: what
-            was seen is kept when a later step breaks off.
+        person: Person who confirms and causes each loss.
+        fingerprint: Fingerprint of the files; without it the hashes of the plans are compared.
+        person_s: Timeout for each action of a person.
+        settle_s: Timeout for reactions of connections.
+        clock: Clock in seconds.
+        on_step: Called after each processed step with the current test record, so that results are
+            kept if a later step is interrupted.
 
     Raises:
         InputError: ``fsn-master`` runs another configuration.
-        EnvironmentFault: It does not answer.
+        EnvironmentFault: ``fsn-master`` does not answer.
     """
     status = observer.status()
-    # Results of another configuration must not get into this record.
+    # Results of another configuration must not be added to this record.
     check_in_use(status, fingerprint, test_record.plan_sha256)
     rig = emulated_bus(status)
     if rig:
@@ -186,14 +186,14 @@ def run_tests_live(
 
 
 def _kept(before: StepResult | None, now: StepResult) -> StepResult:
-    """A skipped step keeps the results of its last run."""
+    """Keep the results of the last run for a skipped step."""
     if before is not None and now.outcome is StepOutcome.NOT_RUN:
         return before
     return now
 
 
 class _Watch:
-    """Looks at a running bus, step by step."""
+    """Observes a running bus, step by step."""
 
     def __init__(
         self,
@@ -214,7 +214,7 @@ class _Watch:
         self._clock = clock
 
     def seen(self, step: TestStep) -> StepResult | None:
-        """Return the result of this step; ``None`` when it cannot show any."""
+        """Return the result of this step, or ``None`` if the bus cannot show any."""
         if step.kind is StepKind.START_UP:
             return self._start_up(step.subject)
         if step.kind is StepKind.LOSS:
@@ -244,18 +244,18 @@ class _Watch:
         own = {c.name for c in connections_of(self._resolution, step.subject)}
         if why := self._unfit(step.subject, own):
             return _not_run(why)
-        # Without outputs switched on, the loss would show nothing.
+        # If no outputs are switched on, the loss would show nothing.
         if idle := self._idle(own):
             self._person.tell(
                 f"{idle} sends FailSafeData: outputs are off already. Press reset before you go on."
             )
         if not self._person.guarded(step):
             return _not_run("it was not confirmed that the area is guarded")
-        # Asked for twice: a person needs time, and the bus may have changed meanwhile.
+        # Checked twice: a person needs time, and the bus may have changed in the meantime.
         if why := self._unfit(step.subject, own):
             return _not_run(why)
         before, away = self._states(), self._off()
-        # Emptied: events from before the loss must not count.
+        # Cleared, because events from before the loss must not count.
         self._observer.events()
         times = LossTimes(own)
         self._person.tell(f"Take {step.subject} off the bus now.")
@@ -321,7 +321,7 @@ class _Watch:
         return f"{name} was not in OP" if name in self._off() else ""
 
     def _taken(self, name: str, away: set[str], times: LossTimes) -> str:
-        """Wait until it is gone; return why it was not."""
+        """Wait until it is disconnected; return the reason if it was not."""
         others: set[str] = set()
 
         def gone() -> bool:
@@ -338,7 +338,7 @@ class _Watch:
         return f"{name} stayed on the bus{wrong}"
 
     def _back(self, before: Mapping[str, ConnectionState], away: set[str]) -> bool:
-        """Wait until all SubDevices and connections are back: those after it are lost with it."""
+        """Wait until all SubDevices and connections have returned, including those after it."""
         inside = [name for name, state in before.items() if state.in_data]
         return self._until(
             lambda: self._off() <= away and all(s.in_data for s in self._of(inside)), self._person_s
@@ -354,10 +354,10 @@ class _Watch:
     def _until(
         self, done: Callable[[], bool], wait_s: float, times: LossTimes | None = None
     ) -> bool:
-        """Poll until it is done, and keep the times of reports meanwhile."""
+        """Poll until the condition is met, and record the times of events in the meantime."""
         end = self._clock() + wait_s
         while True:
-            # Done is asked for before the time: a result at the last moment counts.
+            # The condition is checked before the time: a result at the last moment counts.
             found = done()
             over = self._clock() >= end
             for event in self._observer.events(0.0 if found or over else _POLL_S):

@@ -1,4 +1,4 @@
-"""Steps of a test record: from safety functions, connections, devices and fault classes."""
+"""Steps of a test record, derived from safety functions, connections, devices and fault classes."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ _BACK = "`fsoe-net test-record … -o` this file puts it back, and keeps what is
 def make_test_record(
     resolution: Resolution, plan_bytes: bytes, *, fingerprint: str = ""
 ) -> TestRecord:
-    """Return the test record of a network, not yet run.
+    """Return the test record of a network, not yet executed.
 
     Args:
         resolution: A network without errors.
         plan_bytes: Its plan.
-        fingerprint: Of the configuration; empty when it was not worked out.
+        fingerprint: Fingerprint of the configuration; empty if it was not calculated.
     """
     network = resolution.network
     steps = [_start_up(connection) for connection in resolution.connections]
     steps += [_combination(resolution, present) for present in network.combinations()]
     steps += [_trigger(function) for function in network.safety_functions]
-    # In bus order, each name once: a person goes along the machine.
+    # In bus order, each name once, because a person walks along the machine.
     names = dict.fromkeys(sub.name for sub in network.subdevices)
     steps += [_loss(name, connections_of(resolution, name)) for name in names]
     steps += [_fault(name) for name in CATALOGUE]
@@ -154,11 +154,11 @@ def keep_machine(new: TestRecord, old: TestRecord) -> TestRecord:
     """Return the new test record with people's entries and other columns of the old one.
 
     Raises:
-        InputError: People wrote into the old one, and it is of another configuration
-            or has other steps.
+        InputError: The old one contains entries of people, and is for another configuration or has
+            other steps.
     """
     written = {step.id: step for step in old.steps if step.machine.filled}
-    # Results of people are never dropped: the old file stays for its configuration.
+    # Results of people are never dropped: the old file is kept for its configuration.
     if not _same(new, old):
         if written or any(d.filled for d in old.devices):
             raise InputError(
@@ -166,7 +166,7 @@ def keep_machine(new: TestRecord, old: TestRecord) -> TestRecord:
                 f"({old.plan_sha256[:16]}, now {new.plan_sha256[:16]}); write to another file"
             )
         return new
-    # A step that no longer exists may hold the work of a person.
+    # A removed step may contain the work of a person.
     lost = sorted(written.keys() - {step.id for step in new.steps})
     if lost:
         raise InputError(
@@ -198,9 +198,9 @@ def compare_test_record(given: TestRecord, fresh: TestRecord, out: Collector) ->
     """Report where a test record does not match the current network.
 
     Args:
-        given: As filled in by people.
+        given: Test record as filled in by people.
         fresh: Result of `make_test_record` for the network.
-        out: Takes FSN161; empty when results can be used unchanged.
+        out: Takes FSN161; empty if results can be used unchanged.
     """
     anew = "write a new one with `fsoe-net test-record … -o NEW.yaml` and do its steps"
     if given.fingerprint != fresh.fingerprint:
@@ -209,7 +209,7 @@ def compare_test_record(given: TestRecord, fresh: TestRecord, out: Collector) ->
         before = short_code(given.fingerprint) if given.fingerprint else "not known"
         words = f"made for another configuration ({before}) than these files give ({now})"
         out.add("FSN161", given.at(key), words, hint=anew)
-        # Each step would differ as well; one finding is enough.
+        # Each step would also differ; one finding is sufficient.
         return
     steps = {step.id: step for step in given.steps}
     for step in fresh.steps:
@@ -253,7 +253,7 @@ def _requirements(step: TestStep) -> dict[str, object]:
 
 
 def _changed(given: TestStep, fresh: TestStep) -> str:
-    """Return the first key in which a step asks for something else; empty for none."""
+    """Return the first key in which the instructions of a step differ; empty for none."""
     required = _requirements(fresh)
     return next((key for key, value in _requirements(given).items() if value != required[key]), "")
 
@@ -261,7 +261,7 @@ def _changed(given: TestStep, fresh: TestStep) -> str:
 def _merged(step: TestStep, old: TestStep | None) -> TestStep:
     if old is None:
         return step
-    # Entries of people count only for the step as it was when they did it.
+    # Entries of people apply only to the step as it was when they did it.
     if old.machine.filled and (old.what, old.expected, old.limit_ms) != (
         step.what,
         step.expected,

@@ -1,4 +1,4 @@
-"""The test record of a network, run on an emulated or a live bus."""
+"""The test record of a network, executed on an emulated or a live bus."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ from fsoe_net.version import __version__
 
 @dataclass(slots=True, kw_only=True)
 class Trial:
-    """A test record during its run.
+    """A test record during its execution.
 
     Attributes:
         resolution: The network.
         plan: Its plan.
         fingerprint: Fingerprint of the plan.
-        test_record: With the results so far, also during a run.
+        test_record: The test record with the results so far, even during a run.
     """
 
     resolution: Resolution
@@ -54,7 +54,7 @@ class Trial:
         loading: LoadOptions | None = None,
         before: TestRecord | None = None,
     ) -> Trial:
-        """Return the test record of a network, with entries of people in an earlier one.
+        """Return the test record of a network, with people's entries from an earlier one.
 
         Raises:
             InputError: The network has an error, or no FSoE connection.
@@ -73,14 +73,14 @@ class Trial:
         )
 
     def run_virtual(self, *, faults: int, on_step: Callable[[str], None] | None = None) -> None:
-        """Try every step on the emulated bus.
+        """Execute every step on the emulated bus.
 
         Args:
-            faults: FSoE cycles with a fault in them, per class.
+            faults: FSoE cycles with an injected fault, per class.
             on_step: Called with the name of each step.
 
         Raises:
-            CoreMissing: The compiled part is not there.
+            CoreMissing: The compiled part is missing.
         """
         self.test_record = run_tests_virtual(
             self.test_record, self.resolution, self.plan, faults=faults, on_step=on_step
@@ -90,8 +90,8 @@ class Trial:
         """Test each loss on a running ``fsn-master``, with a person who causes it.
 
         Raises:
-            EnvironmentFault: Nobody answers on the socket, or it goes away.
-            InputError: It runs another configuration.
+            EnvironmentFault: No process answers on the socket, or the connection is lost.
+            InputError: ``fsn-master`` runs another configuration.
         """
 
         def keep(so_far: TestRecord, step: TestStep) -> None:
@@ -109,11 +109,11 @@ class Trial:
             )
 
     def save(self, path: str, *, overwrite: bool = False) -> None:
-        """Write the test record: a page to print where the name ends in .html or .htm, else YAML.
+        """Write the test record: a printable page for names in .html or .htm, otherwise YAML.
 
         Raises:
-            InputError: The file exists, and is not to be replaced.
-            EnvironmentFault: It cannot be written.
+            InputError: The file exists and must not be replaced.
+            EnvironmentFault: The file cannot be written.
         """
         if Path(path).suffix in (".html", ".htm"):
             text = document_html(render_test_record(self.test_record, version=__version__))
@@ -128,10 +128,10 @@ def read_test_record(
     """Read a test record, and compare it with a network if its plan is given.
 
     Returns:
-        Its file, the test record, and the reasons against using its results.
+        The file, the test record, and the reasons against using its results.
 
     Raises:
-        InputError: It is not a test record.
+        InputError: The file is not a test record.
     """
     out = Collector()
     test_record = load_test_record(path, out)

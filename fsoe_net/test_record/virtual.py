@@ -1,4 +1,4 @@
-"""A test record on the emulated bus, in virtual time: fills in the column EMULATED."""
+"""Executes a test record on the emulated bus, in virtual time: fills in the column EMULATED."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from fsoe_net.simulate.session import Session, counted_session_ids
 from fsoe_net.test_record.steps import connection_is_due
 
 _MS = 1_000_000
-_PATIENCE_NS = 10_000 * _MS  # for the first Data
+_PATIENCE_NS = 10_000 * _MS  # until Data is reached for the first time
 _SETTLE_NS = 100 * _MS
-_PHASES = 4  # bus cycles at which a trigger is tried
+_PHASES = 4  # points in the bus cycle at which a trigger is tested
 _FAULTS = 200  # per class
 
 Progress = Callable[[str], None]
@@ -34,18 +34,18 @@ def run_tests_virtual(
     faults: int = _FAULTS,
     on_step: Progress | None = None,
 ) -> TestRecord:
-    """Return the test record with the column EMULATED filled in; the same input gives the same.
+    """Return the test record with the column EMULATED filled in; the result is repeatable.
 
     Args:
-        test_record: Of this network.
+        test_record: Test record of this network.
         resolution: A network without errors.
         plan_bytes: Its plan.
         faults: Faults per class.
         on_step: Called before each step with its id.
 
     Raises:
-        PlanFormatError: The core refuses the plan.
-        CoreMissing: The compiled part is not there.
+        PlanFormatError: The core rejects the plan.
+        CoreMissing: The compiled part is missing.
     """
     emulation = _Emulation(resolution, plan_bytes, faults)
     steps = []
@@ -92,11 +92,11 @@ class _Emulation:
         self._to_data_ns = session.engine.time_to_data_ns | self._to_data_ns
 
     def _plug_for(self, names: Collection[str]) -> None:
-        """Begin every session with the groups of these SubDevices, and without their rivals."""
+        """Begin every session with the groups of these SubDevices, without conflicting ones."""
         groups = self._resolution.network.groups
         wanted = [g for g in groups if set(names) & set(g.subdevices)]
         places = {g.place for g in wanted if g.place}
-        # Groups of one place exclude each other: the other ones have to leave first.
+        # Groups of one place exclude each other: the other ones must be removed first.
         rivals = [g for g in groups if g.place in places and g not in wanted]
         self._prelude = (
             *(_step(0, Action.PULL, g.name) for g in rivals),
@@ -123,7 +123,7 @@ class _Emulation:
         )
 
     def seen(self, step: TestStep) -> StepResult:
-        """Try one step."""
+        """Execute one step."""
         if step.kind is StepKind.COMBINATION:
             return self._combination(step)
         functions = {f.name: f for f in self._resolution.network.safety_functions}
@@ -134,7 +134,7 @@ class _Emulation:
             return self._start_up(step)
         if step.kind is StepKind.FAULT:
             return self._fault(step)
-        # Without Data a loss or a trigger shows nothing.
+        # Without Data, a loss or a trigger shows nothing.
         if len(self._to_data_ns) < len(self._resolution.connections):
             return _not_run("not all connections reached Data")
         if step.kind is StepKind.LOSS:
@@ -216,18 +216,18 @@ class _Emulation:
     def _reaction(
         self, session: Session, names: Iterable[str], act_ns: int, end_ns: int
     ) -> StepResult | int:
-        """Return the time from an action until all outputs are off, ns; they must stay off."""
+        """Return the time in ns from an action until all outputs are off; they must stay off."""
         watched: list[str] = []
         off_ns: int | None = None
         for now in _cycles(session, end_ns):
             if now < act_ns:
                 watched = _on(session, names)
-                # A function whose outputs are off from the start would pass for nothing.
+                # A function whose outputs are off from the start would pass wrongly.
                 if now + session.cycle_ns >= act_ns and not watched:
                     return _not_run("none of its outputs was on")
             elif off_ns is None:
                 off_ns = now if not _on(session, watched) else None
-            # Outputs that come on again by themselves are the worst result.
+            # Outputs that switch on again by themselves are the worst result.
             elif again := _on(session, watched):
                 return StepResult(
                     outcome=StepOutcome.NOT_AS_EXPECTED,
