@@ -1,4 +1,4 @@
-"""A network on the emulated bus, moved on step by step."""
+"""A network on the emulated bus, advanced step by step."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from fsoe_net.project.simulate import prepare
 class EmulatedNetwork:
     """A network whose devices and bus are emulated, in virtual time.
 
-    Time stands still until `advance` or `wait`. The same calls give the same result. Reset is
-    pressed by itself once all connections are in Data.
+    Time is frozen except in `advance` and `wait`. The same calls give the same result. Reset is
+    pressed automatically when all connections are in Data.
 
     Args:
-        files: As `fsoe_net.load` takes them.
+        files: Files as in `fsoe_net.load`.
 
     Raises:
         InputError: The network has an error, or no FSoE connection.
-        CoreMissing: The compiled part is not there.
+        CoreMissing: The compiled part is missing.
     """
 
     def __init__(self, *files: str | os.PathLike[str]) -> None:
@@ -37,7 +37,7 @@ class EmulatedNetwork:
 
     @property
     def connections(self) -> dict[str, ConnectionResult]:
-        """Every connection as it is now, by name."""
+        """The current state of every connection, by name."""
         rows = self._session.connections(self._session.core.snapshot())
         return {row.name: row for row in rows}
 
@@ -48,21 +48,21 @@ class EmulatedNetwork:
         return all(rows[name].state.in_data for name in rows if self._session.is_due(name))
 
     def advance(self, seconds: float) -> None:
-        """Let bus cycles pass, one at least."""
+        """Run bus cycles for this time, at least one."""
         end_ns = self._now_ns + round(seconds * 1e9)
         self._cycle()
         while self._now_ns < end_ns:
             self._cycle()
 
     def wait(self, condition: Callable[[EmulatedNetwork], bool], *, within_s: float = 5.0) -> None:
-        """Let bus cycles pass until a condition holds.
+        """Run bus cycles until a condition holds.
 
         Args:
-            condition: Gets this network.
-            within_s: Virtual seconds after which it is given up.
+            condition: Function that takes this network.
+            within_s: Timeout in virtual seconds.
 
         Raises:
-            TimeoutError: It never held.
+            TimeoutError: The condition was never met.
         """
         end_s = self.now_s + within_s
         while not condition(self):
@@ -74,16 +74,16 @@ class EmulatedNetwork:
         """Run a command of ``fsoe-net emulate --commands`` now.
 
         Args:
-            command: Such as ``set el1904.channel_1 0``, ``break el1904``, ``press``.
+            command: Command such as ``set el1904.channel_1 0``, ``break el1904``, ``press``.
 
         Raises:
-            ValueError: Unknown command, or it does not fit the network.
+            ValueError: Unknown command, or it is invalid for the network.
         """
         self._commands += 1
         self._session.do_command(command, self._commands, self._now_ns)
 
     def result(self) -> Run:
-        """Return the observations, as `fsoe_net.Network.simulate` does."""
+        """Return the observations, like `fsoe_net.Network.simulate`."""
         return self._session.result("virtual", self._now_ns)
 
     @property

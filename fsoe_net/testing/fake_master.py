@@ -1,4 +1,4 @@
-"""An ``fsn-master`` of a few lines: it answers every request of control-protocol.md from memory."""
+"""A small ``fsn-master``, which answers every request of control-protocol.md from memory."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ class FakeMaster:
     Attributes:
         path: Path of the socket.
         asked: Every request as a line, except those that renew a lease.
-        renewed: Set when a lease has been renewed.
+        renewed: Set after a lease was renewed.
         access: Role that ``hello`` reports: ``observer``, ``operator`` or ``maintainer``.
         state: State reported by ``status``: ``running``, ``stopped`` and so on.
         refuse: Request to ``{"error": ..., "text": ...}``: the refusal to send.
@@ -156,13 +156,13 @@ class FakeMaster:
 
     def close(self) -> None:
         """Break every connection and stop serving."""
-        with contextlib.suppress(OSError):  # a test may have closed it
+        with contextlib.suppress(OSError):  # a test may already have closed it
             self._listener.shutdown(socket.SHUT_RDWR)
             self._listener.close()
         self.drop()
 
     def send_event(self, **event: object) -> None:
-        """Send an event to every client that has subscribed."""
+        """Send an event to every subscribed client."""
         row = {"utc": "U", "level": "info", "text": ""} | event
         line = json.dumps(row).encode() + b"\n"
         for peer, subscribed in list(self._peers.items()):
@@ -254,7 +254,7 @@ class FakeMaster:
         return {"ok": True, "watch": int(every), "values": count, "image": image}
 
     def _chosen(self, words: Sequence[str]) -> list[str]:
-        """Return the names that ``watch`` shows, in the order of the symbols; no word: all."""
+        """Return the names for ``watch``, in the order of the symbols; all if there is no word."""
         starts = tuple(word.removesuffix("*") for word in words or ["*"] if word.endswith("*"))
         names = dict.fromkeys(str(s["name"]) for s in self.symbols)
         return [name for name in names if name in words or name.startswith(starts)]
@@ -264,7 +264,7 @@ class FakeMaster:
         return {side: {n: v[n] for n in names if n in v} for side, v in sides.items()}
 
     def _set(self, pairs: Sequence[str], number: int) -> str:
-        """Set values for a client; return the name that is closed, empty when none is."""
+        """Set values for a client; return the name of a closed output, or an empty string."""
         for pair in pairs:
             target, _, value = pair.rpartition("=")
             outputs = (r for r in self.symbols if r["direction"] == "output")
@@ -277,7 +277,7 @@ class FakeMaster:
         return ""
 
     def _watched(self, words: Sequence[str]) -> Iterator[Row]:
-        """Watched cycles, after the reply."""
+        """Yield watched cycles, after the reply."""
         names = self._chosen([w for w in words[2:] if not w.startswith("--")])
         for cycle in (10, 20, 50):
             row: Row = {"event": "values", "cycle": cycle, "now_ns": cycle, **self._values(names)}
@@ -288,7 +288,7 @@ class FakeMaster:
             yield row
 
     def _after(self, words: Sequence[str]) -> None:
-        """Messages after a reply: changes of the state."""
+        """Send messages after a reply: changes of the state."""
         steps = {"start": ["opening", "running"], "stop": ["stopping", "stopped"]}
         steps["restart"] = steps["stop"] + steps["start"]
         for state in steps.get(words[0], []) if words[0] not in self.refuse else []:

@@ -19,5 +19,5 @@ def fake_fsn_master() -> Iterator[FakeMaster]:
 
 @pytest.fixture
 def emulated_network() -> Callable[..., EmulatedNetwork]:
-    """Make networks on the emulated bus: ``emulated_network("network.yaml")``."""
+    """Create networks on the emulated bus: ``emulated_network("network.yaml")``."""
     return EmulatedNetwork
