@@ -3,7 +3,7 @@
     fsoe_net.timing.reaction    response times of a safety function
     fsoe_net.timing.watchdogs   the interval of a watchdog
 
-A value that is not stated stays open and is named; a missing value is never taken as zero.
+A value that is not stated stays open and is reported; a missing value never counts as zero.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from fsoe_net.timing.reaction import FunctionBudget, function_budget
 from fsoe_net.timing.transit import Transit
 from fsoe_net.timing.watchdogs import WatchdogBudget, connection_budget
 
-COPY_CYCLES = 2  # this core copies in the cycle in which a frame arrived
+COPY_CYCLES = 2  # this core copies in the cycle in which a frame arrives
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,12 +26,13 @@ class Budget:
     """All watchdogs and safety functions of a network.
 
     Attributes:
-        cycle: Bus cycle, ms, of several buses that of the first; ``None`` when the network does not
-            state it.
-        copy_cycles: Bus cycles per direction on one bus, k; a frame that crosses waits for one more
-            cycle of each bus that fetches it.
-        drift: Share by which a clock of a device may be slow; watchdogs count that much longer.
-        buses: Name and cycle in ms of each of several buses, of those that state one.
+        cycle: Bus cycle in ms; with several buses, of the first one; ``None`` if the network does
+            not state it.
+        copy_cycles: Bus cycles per direction on one bus, k; a frame that crosses buses waits for
+            one more cycle of each bus that fetches it.
+        drift: Relative error by which a device clock may be slow; watchdogs count as longer by this
+            share.
+        buses: Name and cycle in ms of each of several buses that state one.
         connections: In the order of the resolution.
         functions: In the order of the network file.
     """
@@ -53,17 +54,17 @@ def make_budget(
     drift: float = 0.0,
     measured: Mapping[str, float] | None = None,
 ) -> Budget:
-    """Work out the budget of a network.
+    """Calculate the budget of a network.
 
     Args:
         resolution: The network.
-        library: Device times and PFH where the network states none; they count as unverified.
+        library: Device times and PFH if the network states none; they count as unverified.
         cycle: Bus cycle in ms instead of that of the network.
         copy_cycles: Bus cycles that a frame needs per direction: 2 for this core, 3 for a program
             that copies one cycle later.
-        drift: Share by which clocks of devices may be slow, such as 0.01.
-        measured: Longest FSoE round trip in ms that was seen, by name of the connection. It
-            replaces a shorter one of the formulas and never a longer one.
+        drift: Relative error by which device clocks may be slow, such as 0.01.
+        measured: Longest observed FSoE round trip in ms, by name of the connection. It replaces a
+            shorter value of the formulas, but never a longer one.
     """
     network = resolution.network
     bus = Transit(network, cycle, copy_cycles)
@@ -81,6 +82,6 @@ def make_budget(
         drift=drift,
         connections=connections,
         functions=tuple(rows),
-        # Each bus has a cycle of its own; a cycle given by the caller replaces all of them.
+        # Each bus has its own cycle; a cycle given by the caller replaces all of them.
         buses=tuple((b.name, cycle or b.cycle_ns / 1e6) for b in network.buses if b.cycle_ns),
     )

@@ -1,7 +1,7 @@
-"""The level of a safety function by its elements: at most the lowest that their sources claim.
+"""The level of a safety function by its elements: at most the lowest level that they claim.
 
 Parts in series reach at most the lowest PL or SIL among them (ISO 13849-1, 6.2 and 6.3; IEC 62061
-likewise), however small the sum of their PFH is. Levels are taken as sources claim them; category,
+likewise), however small the sum of their PFH is. Levels are those claimed by the sources; category,
 diagnostic coverage, common causes and software are not assessed.
 """
 
@@ -15,7 +15,7 @@ from fsoe_net.timing.elements import FunctionParts
 from fsoe_net.timing.judgement import Judgement
 from fsoe_net.timing.pfh import PfhSum
 
-# Related by PFH, ISO 13849-1; where one SIL spans two performance levels the lower one counts.
+# Related by PFH, ISO 13849-1; if one SIL covers two performance levels, the lower one counts.
 _PL_OF_SIL = {1: "b", 2: "d", 3: "e"}
 # No SIL corresponds to PL a (ISO 13849-1).
 _SIL_OF_PL = {"a": 0, "b": 1, "c": 1, "d": 2, "e": 3}
@@ -28,10 +28,10 @@ class LevelClaim:
 
     Attributes:
         required: ``PL d``, ``SIL 2``; empty when none is required.
-        lowest: Lowest claim of the elements; empty while no element has a claim.
+        lowest: Lowest claim of the elements; empty if no element has a claim.
         weakest: Elements with this lowest claim.
         by_sum: Level that the sum of PFH alone would allow; empty if the weakest elements claim as
-            much, and while a PFH is missing.
+            much, or if a PFH is missing.
         missing: Elements without a required claim.
         unverified: Elements whose claim is not verified.
         judgement: The lowest claim compared with the required level.
@@ -59,7 +59,7 @@ class LevelClaim:
 
     @property
     def sum_words(self) -> str:
-        """Say that the sum of PFH alone would claim too much; empty where it would not."""
+        """Return that the sum of PFH alone would claim too much; empty if it would not."""
         if not self.by_sum:
             return ""
         lowest = f"more than the lowest claim, {self.lowest}"
@@ -69,19 +69,19 @@ class LevelClaim:
 def level_claims(
     function: SafetyFunction, parts: FunctionParts, pfh: PfhSum
 ) -> tuple[LevelClaim, ...]:
-    """Return a claim for PL and one for SIL, as far as they are required; else for what is claimed.
+    """Return a claim for PL and for SIL, if required; otherwise for the claimed levels.
 
     Args:
-        function: As stated.
+        function: The safety function.
         parts: Its elements.
         pfh: Their sum.
     """
-    # A sum with missing parts would reach a level that the whole does not.
+    # A sum with missing parts would reach a level that the whole does not reach.
     pl_of_sum, sil_of_sum = (0, 0) if pfh.missing else (_PL.index(pfh.pl or "-"), pfh.sil)
     found = []
     if function.pl or (function.sil is None and any(r.element.pl for r in parts.rows)):
         found.append(_claim(_PL_SCALE, _PL.index(function.pl or "-"), pl_of_sum, parts))
-    # Without a requirement, one scale is enough to show what the elements claim.
+    # Without a requirement, one scale is sufficient to show the claims of the elements.
     if function.sil is not None or not found:
         found.append(_claim(_SIL_SCALE, function.sil or 0, sil_of_sum, parts))
     return tuple(found)
@@ -109,7 +109,7 @@ def _sil(element: SafetyElement) -> int | None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Scale:
-    """Levels by rank, 0 for none, and the rank that an element claims; ``None`` without a claim."""
+    """Levels by rank, 0 for none, and the rank claimed by an element; ``None`` without a claim."""
 
     word: str
     names: str

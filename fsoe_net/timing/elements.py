@@ -1,4 +1,4 @@
-"""Parts of a safety function with their times and PFH: as stated, else as the library has them."""
+"""Parts of a safety function with their times and PFH: as stated, or else from the library."""
 
 from __future__ import annotations
 
@@ -47,12 +47,12 @@ def names_a_source(text: str) -> bool:
 
 
 def names_a_revision(text: str) -> bool:
-    """Whether a manual is named, by its revision alone: ``3.0`` is one, ``0`` is none."""
+    """Whether a manual is named; a revision alone is sufficient: ``3.0`` is one, ``0`` is not."""
     return _OPEN.search(_plain(text)) is None and not holds_a_place(text)
 
 
 def _plain(text: str) -> str:
-    """Return a text in one spelling: ``T.B.D.`` is ``tbd``, ``n/a`` is ``na``."""
+    """Return a text in a normalised spelling: ``T.B.D.`` is ``tbd``, ``n/a`` is ``na``."""
     folded = unicodedata.normalize("NFKC", text).casefold()
     return re.sub(r"\b([^\W\d_])[ ./\-]+(?=[^\W\d_]\b)", r"\1", folded)
 
@@ -62,9 +62,9 @@ class Quantity:
     """A number with its unit and source.
 
     Attributes:
-        value: ``None``: not stated.
+        value: The value; ``None`` if not stated.
         unit: ``ms`` or ``1/h``.
-        source: In words; empty when not stated.
+        source: Source in words; empty if not stated.
         answered_for: Whether it is supported: the network file states it with a source, or names
             the manual that confirms the value of the library. This is its only meaning.
         needs_reason: Whether it is 0 without a stated reason; then it is not supported either.
@@ -87,7 +87,7 @@ class ElementRow:
 
     @property
     def claim(self) -> str:
-        """PL and SIL that its source claims, in words; empty when it states none."""
+        """PL and SIL claimed by its source, in words; empty if it states none."""
         return ", ".join(level_words(self.element))
 
     @property
@@ -104,7 +104,7 @@ class ElementRow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Apart:
-    """A SubDevice of a safety function that no FSoE connection joins to its logic.
+    """A SubDevice of a safety function without an FSoE connection to its logic.
 
     Attributes:
         end: Name of the SubDevice with the input or output.
@@ -116,7 +116,7 @@ class Apart:
 
     @property
     def words(self) -> str:
-        """The same for people."""
+        """The description for people."""
         return f"no FSoE connection joins {self.end} and {' or '.join(self.logic)}"
 
 
@@ -126,9 +126,9 @@ class FunctionParts:
 
     Attributes:
         rows: In the order of the function.
-        to_input: Connections between inputs and logic; empty when they are one SubDevice.
+        to_input: Connections between inputs and logic; empty if they are one SubDevice.
         to_output: Connections between logic and outputs.
-        unstated: Data required before times can be computed, in words.
+        unstated: Missing data that are required to calculate times, in words.
         apart: SubDevices not connected to the logic; then the time is also missing.
         unverified: Elements with an unsupported time or PFH, in words.
     """
@@ -141,14 +141,14 @@ class FunctionParts:
     unverified: tuple[str, ...]
 
     def slowest(self, kind: ElementKind, device: str = "") -> float:
-        """Return the longest time of a kind, ms; 0 while it is missing.
+        """Return the longest time of a kind, ms; 0 if it is missing.
 
         Args:
-            kind: Elements that count; of one kind they work in parallel.
-            device: Only those of this SubDevice, and those that name none.
+            kind: Kind of the elements, which work in parallel.
+            device: Only elements of this SubDevice, and those that name none.
         """
         rows = (r for r in self.rows if r.element.kind is kind)
-        # Elements of another SubDevice work on another way at the same time.
+        # Elements of another SubDevice work on another path at the same time.
         if device:
             rows = (r for r in rows if r.element.sub in ("", device))
         return max((r.time.value or 0.0 for r in rows), default=0.0)
@@ -168,9 +168,9 @@ def parts_of(function: SafetyFunction, resolution: Resolution, library: Library)
     """Look up the elements of a safety function.
 
     Args:
-        function: As the network file states it.
+        function: The function in the network file.
         resolution: The network.
-        library: Where the network states no time or PFH.
+        library: Library for times and PFH that the network does not state.
     """
     subs = {s.name: s for s in resolution.network.subdevices}
     rows = tuple(_row(e, subs, library) for e in function.elements)
@@ -179,8 +179,8 @@ def parts_of(function: SafetyFunction, resolution: Resolution, library: Library)
     to_output = _between(_named(function, ElementKind.OUTPUT, subs), logic, resolution)
     ends = {**to_input, **to_output}
     unstated = [*_unstated(rows, subs), *_several_logics(to_input, to_output, logic)]
-    # Ends that name SubDevices need a logic that names one: the way over the bus is known only
-    # then.
+    # Ends that name SubDevices need a logic that names one: otherwise the path over the bus is
+    # unknown.
     if ends and not logic and any(r.element.kind is ElementKind.LOGIC for r in rows):
         unstated.append("the logic names no SubDevice; write sub: with its name")
     return FunctionParts(
@@ -199,7 +199,7 @@ def parts_of(function: SafetyFunction, resolution: Resolution, library: Library)
 
 
 def _unstated(rows: Sequence[ElementRow], subs: Mapping[str, SubDevice]) -> list[str]:
-    """Name kinds without an element, elements without a time, and names without a SubDevice."""
+    """Return kinds without an element, elements without a time, and names without a SubDevice."""
     kinds = {r.element.kind for r in rows}
     return [
         *(
@@ -255,7 +255,7 @@ def _ends(connection: Connection) -> tuple[str, str]:
 
 
 def _several_logics(there: _Joined, back: _Joined, logic: Sequence[str]) -> list[str]:
-    """Name an input and an output that no single logic joins: that way has more connections."""
+    """Return an input and an output without a common logic: that path has more connections."""
 
     def logics(joined: _Joined) -> list[tuple[str, set[str]]]:
         found = [(end, {end, *(n for c in cs for n in _ends(c))}) for end, cs in joined.items()]
@@ -265,7 +265,7 @@ def _several_logics(there: _Joined, back: _Joined, logic: Sequence[str]) -> list
         f"{one} and {other} have different logics; a way through several logics is not worked out"
         for one, first in logics(there)
         for other, second in logics(back)
-        # Both ends have a logic, and not the same one: the signal passes between logics.
+        # Both ends have a logic, but not the same one: the signal passes between logics.
         if first and second and not first & second
     ][:1]
 
@@ -298,7 +298,7 @@ def _quantity(
 ) -> Quantity:
     if stated is not None:
         is_zero, because = stated == 0, element.zero_because
-        # Zero is the most dangerous value to assume, so that it needs a reason.
+        # Zero is the most dangerous assumption, so it needs a reason.
         needs_reason = is_zero and not names_a_source(because)
         words = [
             element.source,

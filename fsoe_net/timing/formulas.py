@@ -1,4 +1,4 @@
-"""Watchdogs and response times of a safety function, by the formulas printed by vendors.
+"""Watchdogs and response times of a safety function, by formulas printed by vendors.
 
 Two methods exist and do not agree. Both are provided; the user decides which one counts.
 
@@ -7,12 +7,13 @@ Two methods exist and do not agree. Both are provided; the user decides which on
 - Beckhoff (manuals of EL2904, EL6900, EK1914, EP1957): the worst case is two watchdogs and the
   actuator; the typical case counts each part once and three bus cycles per direction.
 
-Neither method counts the handshake of FSoE: `error_free`, `worst_case_input`, `worst_case_output`
-and `beckhoff_worst_case` hold under assumptions that their docstrings name and that schedules
-within the times of the parts violate. For bounds without them, see `fsoe_net.timing.handshake`.
+Neither method includes the handshake of FSoE: `error_free`, `worst_case_input`, `worst_case_output`
+and `beckhoff_worst_case` are valid under the assumptions in their docstrings. Possible schedules
+within the times of the parts violate these assumptions. For bounds without them, see
+`fsoe_net.timing.handshake`.
 
-The sources print one input device and one output device. A function with several has one
-`SignalWay` for each, with its own times. Its longest response takes the longest way in and the
+The sources print formulas for one input device and one output device. A function with several has
+one `SignalWay` for each, with its own times. Its longest response uses the longest way in and the
 longest way out.
 
 All times are in milliseconds.
@@ -25,7 +26,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 RESERVE = 1.2  # the 20 % that ETG.5100 adds to the round trip
-_WATCHDOG_STEP_MS = 1.0  # FSoE watchdogs are whole milliseconds; the last one may just have begun
+_WATCHDOG_STEP_MS = 1.0  # FSoE watchdogs are whole milliseconds; the last one may have just begun
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,13 +36,13 @@ class SignalWay:
     Attributes:
         device: T_I or T_O of the device.
         logic: T_L.
-        connection: Name of the FSoE connection; empty where device and logic are one SubDevice:
-            all below is 0.
+        connection: Name of the FSoE connection; empty if device and logic are one SubDevice, then
+            all following values are 0.
         to_logic: Longest transfer of a frame to the logic, k times T_Com on one bus.
-        from_logic: The same from the logic to the device.
-        cycle: T_Com; where the way crosses buses, the longest bus cycle on it.
-        watchdog: T_WD on the slowest clock; 0 while it is not stated. Only what counts a failure
-            counts it.
+        from_logic: Same from the logic to the device.
+        cycle: T_Com; if the way crosses buses, the longest bus cycle on it.
+        watchdog: T_WD on the slowest clock; 0 if not stated. Used only for responses with a
+            failure.
     """
 
     device: float
@@ -53,7 +54,7 @@ class SignalWay:
     watchdog: float = 0.0
 
     def __post_init__(self) -> None:
-        """Refuse an invalid time.
+        """Check the times.
 
         Raises:
             ValueError: A time is negative or not finite.
@@ -62,7 +63,7 @@ class SignalWay:
         _refuse(*times)
 
     def scaled(self, factor: float) -> SignalWay:
-        """Return the way with every bus cycle on it that many times as long."""
+        """Return the way with all its bus cycles multiplied by a factor."""
         to_logic, from_logic = factor * self.to_logic, factor * self.from_logic
         return replace(self, to_logic=to_logic, from_logic=from_logic, cycle=factor * self.cycle)
 
@@ -75,7 +76,7 @@ class PartTimes:
         sensor: T_S, from the event to the input terminal.
         inputs: Ways from the input devices to the logic, at least one.
         outputs: Ways from the logic to the output devices, at least one.
-        actuator: T_A, until the machine is in the requested state.
+        actuator: T_A, until the machine has reached the requested state.
     """
 
     sensor: float = 0.0
@@ -84,7 +85,7 @@ class PartTimes:
     actuator: float = 0.0
 
     def __post_init__(self) -> None:
-        """Refuse an invalid time.
+        """Check the times.
 
         Raises:
             ValueError: A time is negative or not finite.
@@ -113,42 +114,43 @@ def _refuse(*times: float) -> None:
 
 
 def round_trip(way: SignalWay) -> float:
-    """Return the longest time between two frames of a healthy connection."""
+    """Return the longest time between two frames of a connection without faults."""
     return 2 * way.device + way.to_logic + way.from_logic + 2 * way.logic
 
 
 def least_watchdog(way: SignalWay) -> float:
-    """Return T_WD_In or T_WD_Out, the least watchdog of a connection (ETG.5100 9.3).
+    """Return T_WD_In or T_WD_Out, the minimum watchdog of a connection (ETG.5100 9.3).
 
-    A SubDevice with inputs and outputs takes the larger of both.
+    A SubDevice with inputs and outputs uses the larger of both.
     """
     return round_trip(way) * RESERVE
 
 
 def longest_in(t: PartTimes) -> float:
-    """Return the longest way in: each part just missed the value, then needs its time."""
+    """Return the longest way in: each part has just missed the value, then needs its time."""
     return max(2 * w.device + w.to_logic + 2 * w.logic for w in t.inputs)
 
 
 def longest_out(t: PartTimes) -> float:
-    """Return the longest way out, counted like `longest_in`."""
+    """Return the longest way out, calculated like `longest_in`."""
     return max(2 * w.logic + w.from_logic + 2 * w.device for w in t.outputs)
 
 
 def error_free(t: PartTimes) -> float:
-    """Return T_SFR, the longest response while nothing fails (ETG.5100 9.3).
+    """Return T_SFR, the longest response without a failure (ETG.5100 9.3).
 
-    Assumes that a value is sent in the next cycle of the part that has it. FSoE is
-    polled: `polled_error_free`.
+    Assumes that a part sends a value in its next cycle. FSoE is polled, however: see
+    `polled_error_free`.
     """
     return 2 * t.sensor + longest_in(t) + longest_out(t) + 2 * t.actuator
 
 
 def worst_case_input(t: PartTimes, watchdog: float) -> float:
-    """Return the longest response when the connection to an input device fails (ETG.5100 9.3).
+    """Return the longest response if the connection to an input device fails (ETG.5100 9.3).
 
-    Assumes as `error_free`, and that nothing was accepted on that connection after the event, and
-    that a watchdog acts when it ends, not in the next cycle of its task: `broken_input`.
+    Has the assumptions of `error_free`. It also assumes that nothing was accepted on that
+    connection after the event, and that a watchdog acts when it expires, not in the next cycle of
+    its task. For the response without these assumptions, see `broken_input`.
 
     Args:
         t: Times of the parts.
@@ -158,10 +160,10 @@ def worst_case_input(t: PartTimes, watchdog: float) -> float:
 
 
 def worst_case_output(t: PartTimes, watchdog: float) -> float:
-    """Return the longest response when the connection to an output device fails (ETG.5100 9.3).
+    """Return the longest response if the connection to an output device fails (ETG.5100 9.3).
 
-    Assumes as `worst_case_input`, here that the output device accepted nothing after the logic had
-    decided: `broken_output`.
+    Has the assumptions of `worst_case_input`, here that the output device accepted nothing after
+    the decision of the logic. For the response without them, see `broken_output`.
 
     Args:
         t: Times of the parts.
@@ -172,9 +174,9 @@ def worst_case_output(t: PartTimes, watchdog: float) -> float:
 
 
 def beckhoff_typical(t: PartTimes) -> float:
-    """Return the typical response as Beckhoff prints it: each part once, 3 cycles per direction.
+    """Return the typical response by Beckhoff: each part once, 3 cycles per direction.
 
-    The factor of 3 is Beckhoff's and holds for a copy in the same cycle or in the next.
+    The factor of 3 is from Beckhoff and is valid for a copy in the same cycle or in the next.
     """
     there = max(w.device + 3 * w.cycle for w in t.inputs)
     back = max(3 * w.cycle + w.device for w in t.outputs)
@@ -183,10 +185,11 @@ def beckhoff_typical(t: PartTimes) -> float:
 
 
 def beckhoff_worst_case(watchdog_in: float, watchdog_out: float, actuator: float) -> float:
-    """Return the longest response as Beckhoff prints it: both connections fail, one after another.
+    """Return the longest response by Beckhoff: both connections fail, one after another.
 
-    Assumes as `worst_case_input` and `worst_case_output`, and that sensor and logic take no time
-    and the actuator one T_A: `disturbed_both`.
+    Has the assumptions of `worst_case_input` and `worst_case_output`. It also assumes that sensor
+    and logic take no time and the actuator one T_A. For the response without them, see
+    `disturbed_both`.
 
     Args:
         watchdog_in: Watchdog of the connection to the input device, ms.
@@ -197,15 +200,14 @@ def beckhoff_worst_case(watchdog_in: float, watchdog_out: float, actuator: float
 
 
 def lost_frames_survived(watchdog: float, round_trip: float, cycle: float) -> int:
-    """Return how many bus cycles in a row may be lost before the watchdog of a connection ends.
+    """Return how many consecutive bus cycles may be lost before the watchdog expires.
 
-    The watchdog counts whole milliseconds, so one of them is not counted on. Where the quotient is
-    a whole number, floating point may give one less, never one more than there is: 86.6 / 0.1 is
-    865.
+    The watchdog counts whole milliseconds, so one millisecond is subtracted. If the quotient is an
+    integer, floating point may return one less, but never one more: 86.6 / 0.1 is 865.
 
     Args:
         watchdog: Configured watchdog, ms.
-        round_trip: As `round_trip` returns it, ms.
-        cycle: T_Com, ms; where the way crosses buses, the longest cycle on it.
+        round_trip: Result of `round_trip`, ms.
+        cycle: T_Com, ms; if the way crosses buses, the longest cycle on it.
     """
     return max(0, math.floor((watchdog - round_trip - _WATCHDOG_STEP_MS) / cycle))

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import enum
 
-_ROUNDING_MS = 1e-6  # a nanosecond: what sums of decimal fractions are off is a million times less
+_ROUNDING_MS = 1e-6  # a nanosecond; errors of sums of decimal fractions are a million times smaller
 
 
 def exceeds(one: float, other: float) -> bool:
-    """Whether a time in ms is longer than another, not only by the rounding of floating point.
+    """Whether a time in ms is longer than another, beyond floating-point rounding.
 
-    12.6 + 19.4 + ... may come out as 243.60000000000002 where 243.6 is allowed.
+    12.6 + 19.4 + ... may result in 243.60000000000002 if 243.6 is allowed.
     """
     return one - other > _ROUNDING_MS
 
@@ -20,8 +20,8 @@ class Judgement(enum.Enum):
 
     WITHIN = "within"
     ABOVE = "above"
-    UNVERIFIED = "unverified"  # within, but one of its values is not verified
-    MISSING = "missing"  # not judged: something is not stated
+    UNVERIFIED = "unverified"  # within, but one of its values is unverified
+    MISSING = "missing"  # not judged because a value is not stated
     NONE = "none"  # no requirement
 
 
@@ -30,8 +30,8 @@ class WatchdogJudgement(enum.Enum):
 
     WITHIN = "within"
     EMPTY = "empty"  # no watchdog fits
-    BELOW = "below"  # it may end without a fault
-    ABOVE = "above"  # the required reaction time is not kept
-    UNLIMITED = "unlimited"  # not below the least; no reaction time is required
+    BELOW = "below"  # it may expire without a fault
+    ABOVE = "above"  # the required reaction time is exceeded
+    UNLIMITED = "unlimited"  # not below the minimum; no reaction time is required
     UNSTATED = "unstated"
     NO_TIMES = "no times"

@@ -1,7 +1,7 @@
-"""Sums of PFH: vendor values are added up and never worked out here.
+"""Sums of PFH: vendor values are added up, never calculated here.
 
-PFH is the average frequency of a dangerous failure per hour, as ISO 13849-1:2023 and IEC 62061:2021
-name it; data sheets made before call it PFH_D or PFHd.
+PFH is the average frequency of a dangerous failure per hour, the term of ISO 13849-1:2023 and IEC
+62061:2021; older data sheets call it PFH_D or PFHd.
 
 The residual error of FSoE itself belongs to ETG and its certifier; Beckhoff's application guide
 charges 1.00E-09 per hour for Safety over EtherCAT, once per safety function.
@@ -29,8 +29,8 @@ class PfhSum:
 
     Attributes:
         total: Sum of the known values, including FSoE, per hour.
-        fsoe: Share of FSoE, per hour; 0 when no connection is used.
-        limit: Upper bound of the required level, per hour; ``None`` when none is required.
+        fsoe: Share of FSoE, per hour; 0 if no connection is used.
+        limit: Upper bound of the required level, per hour; ``None`` if none is required.
         missing: Elements without a value.
         unverified: Elements with an unverified value.
     """
@@ -43,17 +43,17 @@ class PfhSum:
 
     @property
     def pl(self) -> str:
-        """Highest performance level whose limit the sum keeps; empty when it keeps none."""
+        """Highest performance level whose limit the sum does not exceed; may be empty."""
         return max((pl for pl, bound in _PL.items() if self.total < bound), default="")
 
     @property
     def sil(self) -> int:
-        """Highest safety integrity level whose limit the sum keeps; 0 when it keeps none."""
+        """Highest safety integrity level whose limit the sum does not exceed; 0 if none."""
         return max((sil for sil, bound in _SIL.items() if self.total < bound), default=0)
 
     @property
     def judgement(self) -> Judgement:
-        """The sum compared with the limit; missing values can only add to it."""
+        """The sum compared with the limit; missing values can only increase it."""
         if self.limit is None:
             return Judgement.NONE
         if self.total >= self.limit:
@@ -64,7 +64,7 @@ class PfhSum:
 
     @property
     def verdict(self) -> str:
-        """Statement about the sum, in words; never that a function is good enough."""
+        """Statement about the sum, in words; never that a function is sufficient."""
         words = {
             Judgement.NONE: "no level is required",
             Judgement.ABOVE: "PFH sum above the limit",
@@ -86,9 +86,9 @@ def sum_pfh(function: SafetyFunction, parts: FunctionParts, *, crosses_bus: bool
     """Add up the PFH of all elements.
 
     Args:
-        function: As stated.
+        function: The safety function.
         parts: Its elements with their values.
-        crosses_bus: Whether an FSoE connection belongs to it.
+        crosses_bus: Whether the function uses an FSoE connection.
     """
     # The residual error of FSoE counts once, however many connections there are.
     fsoe = FSOE_PFH if crosses_bus else 0.0

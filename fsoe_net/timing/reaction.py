@@ -1,6 +1,6 @@
 """Response times of a safety function with its watchdogs, compared with the requirements.
 
-A value that is not stated stays open and is named; a missing value is never taken as zero.
+A value that is not stated stays open and is reported; a missing value never counts as zero.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ from fsoe_net.timing.ways import part_times, watchdog_of
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ResponseCase:
-    """One connection that is late up to its watchdog and lost then; no fault; a printed formula.
+    """A case of a response time: one connection late and then lost, no fault, or a printed formula.
 
     Attributes:
         way: ``input``, ``output``, ``both ways`` of one connection; ``no fault``; ``ETG.5100`` or
             ``Beckhoff``.
-        connection: Its name; empty unless one is late.
-        ms: Longest response; the handshake of FSoE is counted unless a printed formula is meant.
+        connection: Name of the connection; empty unless one is late.
+        ms: Longest response, including the FSoE handshake except for a printed formula.
     """
 
     way: str
@@ -51,7 +51,7 @@ class ResponseCase:
 
     @property
     def words(self) -> str:
-        """When it takes that long."""
+        """The conditions of this response, in words."""
         if self.way == "no fault":
             return "values wait for their turn"
         if not self.connection:
@@ -62,14 +62,14 @@ class ResponseCase:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reaction:
-    """Response times of a safety function in ms, both methods, with the watchdogs they count.
+    """Response times of a safety function in ms by both methods, with the watchdogs used.
 
     ``worst_etg`` is the larger of one failed input connection and one failed output connection;
     ``worst_beckhoff`` counts both watchdogs and the actuator. ``printed`` is the larger of the two.
-    Neither method counts the handshake of FSoE (`fsoe_net.timing.handshake`): ``polled`` is the
-    response without a fault that does, ``broken`` that with one connection broken for good,
-    ``late`` is that without a fault and those with one connection late and lost at will, of each
-    way the longest; ``disturbed`` that with one connection in and one out.
+    Neither method includes the FSoE handshake (`fsoe_net.timing.handshake`). The following
+    responses do: ``polled`` is without a fault, ``broken`` with one connection broken permanently,
+    ``late`` contains the response without a fault and, per way, the longest one with one connection
+    late and then lost; ``disturbed`` is with one connection in and one out.
     """
 
     watchdog_in: float | None
@@ -92,7 +92,7 @@ class Reaction:
 
     @property
     def decides(self) -> ResponseCase:
-        """The longest case, which is judged: a printed one only where a watchdog is too short."""
+        """The longest case, which is judged; a printed one only if a watchdog is too short."""
         etg = ResponseCase(way="ETG.5100", ms=self.worst_etg)
         beckhoff = ResponseCase(way="Beckhoff", ms=self.worst_beckhoff)
         return max((*self.late, etg, beckhoff), key=lambda case: case.ms)
@@ -110,8 +110,9 @@ class FunctionBudget:
     Attributes:
         function: The function in the network file.
         parts: Elements with times, and the connections between them.
-        times: Times in the formulas; ``None`` while one is missing.
-        reaction: With the configured watchdogs; ``None`` while a time or a watchdog is missing.
+        times: Times in the formulas; ``None`` if one is missing.
+        reaction: Response times with the configured watchdogs; ``None`` if a time or a watchdog is
+            missing.
         unstated: Data required for a reaction time, in words.
         pfh: Sum of PFH.
         levels: Claims of its elements, in PL and in SIL as far as required.
@@ -164,12 +165,12 @@ def function_budget(
     bus: Transit,
     drift: float,
 ) -> FunctionBudget:
-    """Work out one safety function.
+    """Calculate the budget of one safety function.
 
     Args:
-        function: As stated.
+        function: The safety function.
         parts: Its elements and connections.
-        bus: Bus cycles, and how many of them a frame needs.
+        bus: Bus cycles, and the number of cycles that a frame needs.
         drift: As in `Budget`.
     """
     unstated = list(parts.unstated)
@@ -177,10 +178,10 @@ def function_budget(
     times = part_times(parts, bus, drift)
     if times is None:
         unstated.append("the bus cycle is not stated")
-    # Half of the times would give a reaction time that looks complete.
+    # Some of the times would give a reaction time that looks complete.
     if unstated or parts.apart:
         times = None
-    # Named after all others: without a watchdog only the time is unknown, not the sum of PFH.
+    # Reported after all others: without a watchdog only the time is unknown, not the sum of PFH.
     for connection in dict.fromkeys(c.name for c in used if watchdog_of(c) is None):
         unstated.append(f"the watchdog of {connection} is not stated")
     reaction = None if times is None or unstated else reaction_of(times)
@@ -197,13 +198,13 @@ def function_budget(
 
 
 def _late(t: PartTimes) -> list[ResponseCase]:
-    """Return the response without a fault, and with one connection late and lost, for each way."""
+    """Return the responses without a fault, and with one connection late and lost, for each way."""
     late = {
         "input": [(w, disturbed_input(t, w)) for w in t.inputs_by_bus],
         "output": [(w, disturbed_output(t, w)) for w in t.outputs_by_bus],
         "both ways": [(w, disturbed_shared(t, w, back)) for w, back in shared_ways(t)],
     }
-    # Of each way the longest case: a function reacts to any of them.
+    # The longest case of each way, because a function reacts to any of them.
     longest = {way: max(cases, key=lambda case: case[1]) for way, cases in late.items() if cases}
     return [
         ResponseCase(way="no fault", ms=polled_error_free(t)),
@@ -218,7 +219,7 @@ def reaction_of(t: PartTimes) -> Reaction:
     """Return the response times of a safety function.
 
     Args:
-        t: Its times, with every watchdog.
+        t: Times of the function, with every watchdog.
     """
     one = max((w.watchdog for w in t.inputs_by_bus), default=None)
     two = max((w.watchdog for w in t.outputs_by_bus), default=None)

@@ -1,10 +1,10 @@
-"""The watchdog of a connection and its admissible interval.
+"""The watchdog of a connection and its permitted interval.
 
     least watchdog      availability: 1.2 x the round trip       ETG.5100 9.3, or as measured
     greatest, printed   the required reaction, by both methods   ETG.5100 9.3 and Beckhoff
     greatest, handshake the same, one late and lost connection   `fsoe_net.timing.handshake`
 
-The smaller of the two greatest ones counts; an interval without a value is an error.
+The smaller of the two maxima counts; an empty interval is an error.
 """
 
 from __future__ import annotations
@@ -44,16 +44,16 @@ class WatchdogBudget:
     """Watchdog of one connection; times in ms.
 
     Attributes:
-        connection: Which.
-        configured: Watchdog of the network file; ``None`` when not stated.
+        connection: The connection.
+        configured: Watchdog in the network file; ``None`` if not stated.
         round_trip: Longest time between two frames without a fault, from the formulas or as
-            measured, whichever is longer; ``None`` when times are missing.
-        measured: Longest round trip that was measured; ``None`` without a measurement.
-        least: Smallest watchdog that a healthy connection keeps.
-        printed: Largest one that the required reaction times allow by the formulas of both methods;
-            ``None``: nothing asks.
-        handshake: The same when it is late up to its watchdog and lost then, the handshake of FSoE
-            counted.
+            measured, whichever is longer; ``None`` if times are missing.
+        measured: Longest measured round trip; ``None`` without a measurement.
+        least: Smallest watchdog that does not expire without a fault.
+        printed: Largest watchdog that the required reaction times allow by the formulas of both
+            methods; ``None`` without a requirement.
+        handshake: The same with the FSoE handshake, if the connection is late by up to its watchdog
+            and then lost.
         functions: Safety functions that use it.
         spdus_per_hour: Safety PDUs per hour, both directions.
     """
@@ -76,12 +76,12 @@ class WatchdogBudget:
 
     @property
     def greatest(self) -> Limit | None:
-        """The smaller of both greatest watchdogs; ``None``: nothing asks."""
+        """The smaller of both maximum watchdogs; ``None`` without a requirement."""
         return _smallest(self.printed, self.handshake)
 
     @property
     def empty(self) -> bool:
-        """Whether no watchdog fits at all."""
+        """Whether no watchdog is possible at all."""
         return (
             self.least is not None
             and self.greatest is not None
@@ -90,14 +90,14 @@ class WatchdogBudget:
 
     @property
     def margin(self) -> float | None:
-        """How many times the least watchdog the configured one is."""
+        """Ratio of the configured watchdog to the minimum."""
         if self.configured is None or self.least is None or not self.least.ms:
             return None
         return self.configured / self.least.ms
 
     @property
     def below_least(self) -> bool:
-        """Whether the configured watchdog may end without a fault."""
+        """Whether the configured watchdog may expire without a fault."""
         return (
             self.configured is not None
             and self.least is not None
@@ -107,7 +107,7 @@ class WatchdogBudget:
     @property
     def judgement(self) -> WatchdogJudgement:
         """The configured watchdog compared with its interval."""
-        # An empty interval comes first: no watchdog can be correct then.
+        # An empty interval is checked first, because then no watchdog can be correct.
         if self.empty:
             return WatchdogJudgement.EMPTY
         if self.configured is None:
@@ -122,7 +122,7 @@ class WatchdogBudget:
 
     @property
     def verdict(self) -> str:
-        """The same in words."""
+        """The judgement in words."""
         return {
             WatchdogJudgement.EMPTY: "no watchdog fits",
             WatchdogJudgement.UNSTATED: "not judged: not stated",
@@ -135,7 +135,7 @@ class WatchdogBudget:
 
     @property
     def lost_frames(self) -> int | None:
-        """Bus cycles in a row that may be lost before the watchdog ends."""
+        """Consecutive bus cycles that may be lost before the watchdog expires."""
         if self.configured is None or self.round_trip is None or self.cycle is None:
             return None
         return lost_frames_survived(self.configured, self.round_trip, self.cycle)
@@ -148,13 +148,13 @@ def connection_budget(
     measured: float | None,
     drift: float,
 ) -> WatchdogBudget:
-    """Work out the watchdog of one connection.
+    """Calculate the budget of the watchdog of one connection.
 
     Args:
-        connection: Which.
+        connection: The connection.
         rows: All safety functions.
-        cycles: Cycle of each bus on its way, ms; ``None`` when one is not stated.
-        measured: Longest round trip that was seen, ms; it counts when it is the longer one.
+        cycles: Cycle of each bus on its path, ms; ``None`` if one is not stated.
+        measured: Longest observed round trip, ms; used if it is longer than the calculated one.
         drift: As in `Budget`.
     """
     least: Limit | None = None
@@ -163,13 +163,13 @@ def connection_budget(
     handshake: Limit | None = None
     for row, way, side in _uses(connection, rows):
         time = round_trip(way)
-        # The slowest function that uses the connection decides for it.
+        # The slowest function that uses the connection is decisive.
         if trip is None or time > trip:
             why = f"{row.function.name}: 1.2 x {time:g} ms round trip of its {side}"
             trip, least = time, Limit(ms=time * RESERVE, why=why)
         printed = _smallest(printed, _printed(way, row, side, drift))
         handshake = _smallest(handshake, _handshake(way, row, side, drift))
-    # A measured time that is shorter was luck, and does not lower the limit.
+    # A shorter measured time was luck, and does not lower the limit.
     if measured is not None and (trip is None or measured > trip):
         trip = measured
         least = Limit(ms=measured * RESERVE, why=f"1.2 x {measured:g} ms round trip as measured")
@@ -191,7 +191,7 @@ def connection_budget(
 def _uses(
     connection: Connection, rows: Sequence[FunctionBudget]
 ) -> Iterator[tuple[FunctionBudget, SignalWay, str]]:
-    """Yield each safety function that uses a connection, with its way there."""
+    """Yield each safety function that uses a connection, with its way."""
     for row in rows:
         if row.times is not None:
             for ways, side in ((row.times.inputs, "input"), (row.times.outputs, "output")):
@@ -203,8 +203,8 @@ def _uses(
 def _spdus_per_hour(cycles: tuple[float, ...]) -> float:
     """Return the highest rate of safety PDUs, both directions.
 
-    One FSoE cycle moves two. Devices that answer at once still wait for their own bus: each frame
-    needs one cycle of the bus that fetches it to be fetched, and one to be handed on.
+    One FSoE cycle transfers two PDUs. Devices that answer immediately still wait for their own bus:
+    each frame needs one cycle of the fetching bus to be fetched, and one to be forwarded.
     """
     return 2 * 3_600_000 / (2 * cycles[0] + 2 * cycles[-1])
 
@@ -214,13 +214,13 @@ def _names(row: FunctionBudget) -> set[str]:
 
 
 def _smallest(*limits: Limit | None) -> Limit | None:
-    """Return the smallest limit, the first of those that are alike."""
+    """Return the smallest limit; of equal ones, the first."""
     known = [limit for limit in limits if limit is not None]
     return min(known, key=lambda limit: limit.ms, default=None)
 
 
 def _room(row: FunctionBudget, rest: float, what: str, drift: float, *, share: int = 1) -> Limit:
-    """Return the time a required reaction leaves for each of `share` watchdogs on a slow clock."""
+    """Return the time that a required reaction leaves for each of `share` watchdogs."""
     required = row.function.required_reaction_ms or 0.0
     counts = {1: "", 2: ", which counts twice", 3: ", which counts three times"}[share]
     besides = f"{rest:g} ms besides the watchdog{counts}"
@@ -235,23 +235,23 @@ def _printed(way: SignalWay, row: FunctionBudget, side: str, drift: float) -> Li
     times = row.times
     if row.function.required_reaction_ms is None or times is None:
         return None
-    # The limit is what is left of the requirement without the watchdog itself.
+    # The limit is the required time minus everything except the watchdog itself.
     rest = worst_case_input(times, 0.0) if side == "input" else worst_case_output(times, 0.0)
     by_etg = _room(row, rest, "ETG.5100", drift)
     others = times.outputs_by_bus if side == "input" else times.inputs_by_bus
     apart = [w for w in others if w.connection != way.connection]
     what = "two watchdogs and actuator, Beckhoff"
     both = None
-    if len(apart) < len(others):  # one connection there and back: its watchdog is the other, too
+    if len(apart) < len(others):  # one connection for both ways: its watchdog is also the other one
         both = _room(row, times.actuator, what, drift, share=2)
-    # An open watchdog counts as 0 here, which leaves more than ETG.5100; FunctionBudget names it.
+    # An open watchdog counts as 0, which leaves more than ETG.5100; FunctionBudget reports it.
     other = max((w.watchdog for w in apart), default=0.0)
     by_beckhoff = _room(row, other + times.actuator, what, drift)
     return _smallest(by_etg, both, by_beckhoff)
 
 
 def _handshake(way: SignalWay, row: FunctionBudget, side: str, drift: float) -> Limit | None:
-    """Return the largest watchdog that keeps the required time when this one is late, then lost."""
+    """Return the largest watchdog that keeps the required time if this one is late, then lost."""
     times = row.times
     if row.function.required_reaction_ms is None or times is None:
         return None

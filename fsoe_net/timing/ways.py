@@ -1,4 +1,4 @@
-"""Times of a safety function: one way for each of its connections, with the times of its device."""
+"""Times of a safety function: one way per connection, with the times of its device."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ from fsoe_net.timing.transit import Transit
 
 
 def part_times(parts: FunctionParts, bus: Transit, drift: float) -> PartTimes | None:
-    """Return the times of a safety function; ``None`` while a bus cycle is not stated.
+    """Return the times of a safety function; ``None`` if a bus cycle is not stated.
 
     Args:
         parts: Its elements and connections.
-        bus: Bus cycles, and how many of them a frame needs.
-        drift: Share by which a clock of a device may be slow; watchdogs count that much longer.
+        bus: Bus cycles, and the number of cycles that a frame needs.
+        drift: Relative error by which a device clock may be slow; watchdogs count as longer by this
+            share.
     """
     inputs = [_way(c, parts, ElementKind.INPUT, bus, drift) for c in parts.to_input]
     outputs = [_way(c, parts, ElementKind.OUTPUT, bus, drift) for c in parts.to_output]
@@ -31,7 +32,7 @@ def part_times(parts: FunctionParts, bus: Transit, drift: float) -> PartTimes | 
 
 
 def watchdog_of(connection: Connection) -> float | None:
-    """Return the configured watchdog, ms; ``None`` when it is not stated or 0."""
+    """Return the configured watchdog, ms; ``None`` if it is not stated or 0."""
     facts = connection.facts
     return None if facts is None or not facts.watchdog_ms else float(facts.watchdog_ms)
 
@@ -59,7 +60,7 @@ def _way(
 
 
 def _local(parts: FunctionParts, kind: ElementKind) -> list[SignalWay]:
-    """Return the way inside the logic; none where every input or output has a connection."""
+    """Return the way inside the logic; none if every input or output has a connection."""
     connections = parts.to_input if kind is ElementKind.INPUT else parts.to_output
     subs = parts.local(kind)
     if connections and not subs:
