@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 class FsnError(Exception):
-    """Base of every exception this package raises on purpose."""
+    """Base of all exceptions that this package raises deliberately."""
 
     exit_code = 3
 
@@ -59,12 +59,12 @@ class ControlRefused(EnvironmentFault):
 
     @property
     def bus_stopped(self) -> bool:
-        """Whether the only reason is that the bus does not run now."""
+        """Whether the only reason is that the bus is not running."""
         return self.status == "FSN_E_STATE"
 
     @property
     def busy(self) -> bool:
-        """Whether the same request may be granted a moment later."""
+        """Whether the same request may succeed a moment later."""
         return self.status == "FSN_E_BUSY"
 
 
@@ -78,8 +78,8 @@ class InputError(FsnError):
 
     Args:
         message: One sentence for the user.
-        diagnostics: Findings with locations; may be empty when the message is complete. The first
-            one is a note of the exception.
+        diagnostics: Findings with locations; may be empty if the message is complete. The first
+            one is also added to the exception as a note.
     """
 
     exit_code = 1
@@ -113,7 +113,7 @@ class RecordingError(InputError):
 
 
 class IncidentError(InputError):
-    """Invalid line in an incident file.
+    """An invalid line in an incident file.
 
     Args:
         reason: The error, one sentence for the user.
@@ -140,10 +140,10 @@ class ConfigError(FsoeError, ValueError):
 
 
 class CoreError(FsnError):
-    """The C core refused a call.
+    """The C core rejected a call.
 
     Args:
-        message: The refused call, with the core's reason.
+        message: The rejected call, with the reason.
         status: Value of `fsn_status`, negative.
     """
 

@@ -1,4 +1,4 @@
-"""The library: a network from its files, and everything that can be done with it."""
+"""The library: a network from its files, and all operations on it."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def load(
         trust_xacro: Expand xacro without confinement: the file then has all your permissions.
 
     Raises:
-        ValueError: No path.
+        ValueError: No path is given.
         EnvironmentFault: xacro cannot be confined on this machine.
     """
     if not paths:
@@ -156,7 +156,7 @@ class Network:
 
     @property
     def fingerprint(self) -> Fingerprint:
-        """What identifies everything safety-relevant in the network; raises as `compile`."""
+        """The fingerprint of everything safety-relevant in the network; errors as in `compile`."""
         return self.compile().fingerprint
 
     def timing(
@@ -167,10 +167,10 @@ class Network:
         Args:
             cycle_ms: Another bus cycle, in ms.
             copy_cycles: Bus cycles per direction: 2 for fsn-master.
-            drift: Share by which a clock of a device may be slow, 0 to 0.1.
+            drift: Relative error by which a device clock may be slow, 0 to 0.1.
 
         Raises:
-            InputError: As `compile`.
+            InputError: As in `compile`.
         """
         resolution = self._whole("no budget")
         return make_budget(
@@ -201,7 +201,7 @@ class Network:
             incidents: Folder for an incident file when a connection fails; created if missing.
 
         Raises:
-            InputError: As `compile`; or the scenario cannot be used.
+            InputError: As in `compile`; or the scenario cannot be used.
             ValueError: ``capture`` without ``virtual``.
             CoreMissing: The compiled part is missing.
             EnvironmentFault: A file cannot be written.
@@ -360,11 +360,11 @@ def decode(capture: AnyPath, network: Network | None = None) -> Iterator[Decoded
 
     Args:
         capture: The file.
-        network: Gives connections and signals their names.
+        network: Network with the names of connections and signals.
 
     Raises:
-        InputError: The capture cannot be read, or not to its end; as `Network.compile`.
-        CoreMissing: The compiled part is not there.
+        InputError: The capture cannot be read to its end; or as in `Network.compile`.
+        CoreMissing: The compiled part is missing.
     """
     from fsoe_net.capture.decode import CaptureDecoder, naming_of
 
@@ -384,10 +384,10 @@ def connect(
     Args:
         socket: Its control socket; otherwise that of the ``fsn-master`` on ``interface``.
         interface: Network interface of the bus.
-        timeout_s: How long to wait for a connection or a reply, in seconds.
+        timeout_s: Timeout for a connection or a reply, in seconds.
 
     Raises:
-        EnvironmentFault: Nobody answers there, or you may not connect.
+        EnvironmentFault: No process answers, or permission is missing.
     """
     from fsoe_net.live.client import Client
     from fsoe_net.live.sockets import control_socket
