@@ -11,8 +11,8 @@ extern "C" {
 struct fsn_core;
 
 enum {
-    FSN_SDO_BYTES = 65536, /**< longest object that is read or written */
-    FSN_SII_BYTES = 65536, /**< longest SII content that is read */
+    FSN_SDO_BYTES = 65536, /**< longest object to read or write */
+    FSN_SII_BYTES = 65536, /**< longest SII content to read */
     FSN_NAME_BYTES = 64,
 };
 
@@ -33,9 +33,9 @@ struct fsn_bus_member {
     uint16_t station, alias;
     uint16_t mailbox; /**< protocols, FSN_MAILBOX_…; 0: none */
     uint16_t al_code;
-    uint8_t al_status; /**< FSN_AL_NONE: it does not answer now */
+    uint8_t al_status; /**< FSN_AL_NONE: no answer at present */
     bool has_dc;
-    uint8_t ports; /**< bit n: it has port n; 0: not known */
+    uint8_t ports; /**< bit n: it has port n; 0: unknown */
     bool errors_known;
     uint8_t link[FSN_PORTS];
     uint8_t link_lost[FSN_PORTS], rx_errors[FSN_PORTS];
@@ -50,7 +50,7 @@ struct fsn_transfer {
     uint8_t *data;       /**< data to write, or room for the data read */
     uint32_t size_bytes; /**< of data; after an upload: bytes read */
     uint32_t abort_code; /**< after FSN_E_BUS_SDO: abort code of the SubDevice; 0: unknown */
-    /** Called between two steps of a long transfer, may be NULL; false aborts the transfer. */
+    /** Called between two steps of a long transfer; may be NULL; false aborts the transfer. */
     bool (*between)(void *self);
     void *self;
 };
@@ -86,7 +86,7 @@ struct fsn_bus_acyclic {
     /** Writes one word of the SII. */
     fsn_status (*sii_write)(void *bus, uint32_t position, uint32_t offset, uint16_t word);
     /** Process data known to the bus without objects: PDO `pdo` of a sync manager.
-     *  @retval FSN_E_ARG  no such PDO.   NULL: read from the SII. */
+     *  @retval FSN_E_ARG  unknown PDO.   NULL: read from the SII. */
     fsn_status (*pdo)(void *bus, uint32_t position, uint8_t sm, uint32_t pdo, uint16_t *index,
                       bool *output, uint32_t *entries, uint32_t room, uint32_t *count);
 };
@@ -96,7 +96,7 @@ struct fsn_bus_acyclic {
 FSN_API const char *fsn_abort_text(uint32_t code);
 
 /** Reads or writes an object of a SubDevice of the plan; fills in the position in `transfer`.
- *  @retval FSN_E_ARG          no such SubDevice, or a missing or too long buffer.
+ *  @retval FSN_E_ARG          unknown SubDevice, or a missing or too long buffer.
  *  @retval FSN_E_ABSENT       this bus, or this SubDevice, has no objects.
  *  @retval FSN_E_BUS_MISSING  no SubDevice there, or no answer.
  *  @retval others             as upload() and download() of fsn_bus_acyclic.

@@ -33,7 +33,7 @@
 extern "C" {
 #endif
 
-/** Modes of operation, as 0x6060 has them. */
+/** Modes of operation, with the values of 0x6060. */
 enum fsn_axis_mode {
     FSN_AXIS_PP = 1,   /**< profile position */
     FSN_AXIS_PV = 3,   /**< profile velocity */
@@ -136,7 +136,7 @@ struct fsn_axis {
 };
 
 /** Initialises an axis that is off; until the first step its outputs are 0, except the mode.
- *  @retval FSN_E_ARG  no such mode, or its limit is 0.
+ *  @retval FSN_E_ARG  unknown mode, or its limit is 0.
  *  Context: set-up. */
 FSN_API FSN_MUST_USE fsn_status fsn_axis_init(struct fsn_axis *axis,
                                               const struct fsn_axis_config *config);
@@ -179,7 +179,7 @@ FSN_API void fsn_axis_halt(struct fsn_axis *axis, bool halts);
 
 /** Requests another mode. Until the drive confirms it, targets are those of an axis that is off. A
  *  set-point or homing in progress is interrupted.
- *  @retval FSN_E_ARG  no such mode, the drive does not have it, or its limit is 0.
+ *  @retval FSN_E_ARG  unknown mode, the drive does not support it, or its limit is 0.
  *  Context: RT-safe. */
 FSN_API FSN_MUST_USE fsn_status fsn_axis_set_mode(struct fsn_axis *axis, int8_t mode);
 
@@ -221,7 +221,7 @@ FSN_API FSN_MUST_USE fsn_status fsn_axis_home(struct fsn_axis *axis);
 /** Decodes the state from these bits.   Context: any thread. */
 FSN_API enum fsn_axis_state fsn_axis_state_of(uint16_t statusword);
 
-/** "operation enabled", "torque off", "csp": texts for messages; "?" for an unknown number.
+/** Texts for messages, such as "operation enabled", "torque off", "csp"; "?" for an unknown number.
  *  Context: any thread. */
 FSN_API const char *fsn_axis_state_name(uint32_t state);
 FSN_API const char *fsn_axis_phase_name(uint32_t phase);
@@ -236,12 +236,12 @@ struct fsn_realtime_fault;
 /** Selects an axis and its symbols. */
 struct fsn_axis_options {
     const char *subdevice; /**< its name in the network file */
-    uint32_t number;       /**< axis n has its objects 0x800 * n higher; 0 … 7 */
+    uint32_t number;       /**< the objects of axis n are 0x800 * n higher; 0 … 7 */
     struct fsn_axis_config config;
-    /** Symbol with a bit of the drive that reports STO active, such as its statusword; NULL without
-     *  one. FSoE frames have no symbols. */
+    /** Symbol with a bit of the drive that reports STO active, such as its statusword; NULL if
+     *  there is none. FSoE frames have no symbols. */
     const char *torque_off;
-    uint64_t torque_off_mask; /**< this bit of it, or one of these */
+    uint64_t torque_off_mask; /**< this bit of it, or one of several */
     bool torque_off_low;      /**< active low: the bit is 0 while STO is active */
 };
 
@@ -263,7 +263,7 @@ struct fsn_realtime_axis {
  *  0x6061 with 0x6060, and those of the mode. This client must own their outputs. Modes without
  *  their objects are disabled.
  *  @param[out] fault  may be NULL.
- *  @retval FSN_E_ARG     no such SubDevice or axis, an object is missing or has another size.
+ *  @retval FSN_E_ARG     unknown SubDevice or axis, or an object is missing or has another size.
  *  @retval FSN_E_CLOSED  this client does not own an output of the axis.
  *  Context: set-up; compares names one by one. */
 FSN_API FSN_MUST_USE fsn_status fsn_realtime_axis_open(const struct fsn_realtime *realtime,
@@ -272,7 +272,7 @@ FSN_API FSN_MUST_USE fsn_status fsn_realtime_axis_open(const struct fsn_realtime
                                                        struct fsn_realtime_fault *fault);
 
 /** One cycle of an axis: reads the inputs of the last cycle waited for, calls fsn_axis_step(), and
- *  notes the outputs for fsn_realtime_send().
+ *  stores the outputs for fsn_realtime_send().
  *  @param[in] cycle  of fsn_realtime_wait().
  *  Context: RT-safe: no allocation, lock or system call. */
 FSN_API void fsn_realtime_axis_step(struct fsn_realtime_axis *axis, struct fsn_realtime *realtime,

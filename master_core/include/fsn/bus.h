@@ -18,12 +18,12 @@ struct fsn_bus_layout {
     uint8_t *image;          /**< process image, inputs and outputs; zeroed by the core */
     uint32_t image_bytes;    /**< its length */
     const uint32_t *sm_base; /**< per sync manager of the plan: byte in the image, or FSN_NONE */
-    /** First byte of each datagram in the image, rising, the first one 0. A datagram ends where the
-     *  next begins, the last one at image_bytes. */
+    /** First byte of each datagram in the image, ascending; the first one is 0. A datagram ends
+     *  where the next begins, the last one at image_bytes. */
     const uint32_t *datagram_begin;
     uint32_t datagram_count; /**< number of datagrams, at least 1 */
-    /** The bus sets its reference clock to CLOCK_MONOTONIC and this, nanoseconds; 0: it does not.
-     */
+    /** The bus sets its reference clock to CLOCK_MONOTONIC plus this, nanoseconds; 0: it does
+     *  not. */
     uint64_t dc_base_ns;
 };
 
@@ -34,19 +34,19 @@ struct fsn_wkc {
 };
 
 /** Data that a bus reports to the core in every cycle. The arrays belong to the core, which clears
- *  all of it before each receive(). */
+ *  them before each receive(). */
 struct fsn_bus_input {
     struct fsn_wkc *wkc; /**< one per datagram; to be filled */
-    /** One per sync manager: set to 1 where an input holds the bytes of an earlier cycle. Leave it
-     *  0 where the mapping does not show it; then only the working counter does. */
+    /** One per sync manager: set to 1 if an input contains the bytes of an earlier cycle. Leave it
+     *  0 if the mapping does not show this; then only the working counter does. */
     uint8_t *sm_stale;
-    uint32_t lost_frames;    /**< frames of the last send() that have not come back */
+    uint32_t lost_frames;    /**< frames of the last send() that have not returned */
     uint32_t old_replies;    /**< replies to earlier frames, discarded */
-    uint32_t foreign_frames; /**< of another MainDevice, heard since the last receive() */
+    uint32_t foreign_frames; /**< of another MainDevice, received since the last receive() */
     uint32_t unsent_frames;  /**< frames of the last send() that the system rejected */
     int send_errno;          /**< errno of the last rejected frame; 0: none */
     uint64_t round_trip_ns;  /**< from send() to the last reply; 0 if unknown to the bus */
-    uint64_t dc_time_ns;     /**< time of the DC reference clock in this reply; 0 without one */
+    uint64_t dc_time_ns;     /**< time of the DC reference clock in this reply; 0 if none */
 };
 
 /** AL states of EtherCAT SubDevices; the flag FSN_AL_ERROR may be added to a state. */
@@ -97,13 +97,13 @@ struct fsn_bus_subdevice {
     uint32_t vendor_id;            /**< as read; with the next two 0 before the first read */
     uint32_t product_code;         /**< as read */
     uint32_t revision;             /**< as read */
-    uint32_t returns;              /**< times it returned to OP after it was lost or had left OP */
+    uint32_t returns;              /**< how often it returned to OP after a loss or another state */
     uint8_t link[FSN_PORTS];       /**< per port: 1 = a partner is connected and communicates */
     uint8_t link_lost[FSN_PORTS];  /**< lost links, 0x0310 */
     uint8_t rx_errors[FSN_PORTS];  /**< invalid frames, 0x0300 */
-    uint16_t fsoe_address;         /**< as read, if another one; 0: not known */
-    bool link_down;                /**< no answer, and the link before it is down */
-    char detail[FSN_DETAIL_BYTES]; /**< differences, for people; may be empty */
+    uint16_t fsoe_address;         /**< as read, if it differs from the plan; 0: unknown */
+    bool link_down;                /**< no answer, and the preceding link is down */
+    char detail[FSN_DETAIL_BYTES]; /**< differences in words; may be empty */
 };
 
 /** Whether a ring, a bus between two interfaces of the MainDevice, is closed: name, value, text. */
@@ -122,16 +122,16 @@ enum fsn_ring {
 /** Returns "closed" and the like for an enum fsn_ring. Context: any thread. */
 FSN_API const char *fsn_ring_text(uint8_t ring);
 
-/** A ring as of the last poll(). */
+/** A ring at the last poll(). */
 struct fsn_bus_ring {
     uint8_t state;   /**< enum fsn_ring; UNKNOWN before the first cycles */
     uint8_t ways[2]; /**< 1: frames that enter at the first (second) interface leave at the other */
-    uint32_t breaks; /**< times it was found open or one way, since the bus opened */
-    /** First gaps of an open ring, for people; empty while it is closed. */
+    uint32_t breaks; /**< how often it was found open or one-way since the bus opened */
+    /** First gaps of an open ring in words; empty if it is closed. */
     char place[FSN_DETAIL_BYTES];
 };
 
-/** Whether all clocks of a bus with distributed clocks show one time: name, value, text. */
+/** Whether all clocks of a bus with distributed clocks show the same time: name, value, text. */
 #define FSN_CLOCKS_TABLE(X)                                                                        \
     X(UNKNOWN, 0, "unknown")                                                                       \
     X(SYNCHRONOUS, 1, "synchronous")                                                               \
@@ -147,22 +147,22 @@ enum fsn_clocks {
 /** Returns "synchronous" and the like for an enum fsn_clocks. Context: any thread. */
 FSN_API const char *fsn_clocks_text(uint8_t clocks);
 
-/** Distributed clocks as of the last poll(). Times in nanoseconds. */
+/** Distributed clocks at the last poll(). Times in nanoseconds. */
 struct fsn_bus_clocks {
-    /** enum fsn_clocks. UNKNOWN: nothing to compare, as before the first check. APART until all
-     *  have stayed within half of the window for 3 s. LOST: no frame carries the time of the
-     *  reference clock. */
+    /** enum fsn_clocks. UNKNOWN: nothing to compare, for example before the first check. APART
+     *  until all have stayed within half of the window for 3 s. LOST: no frame carries the time of
+     *  the reference clock. */
     uint8_t state;
     bool host;           /**< this machine sets the reference clock; false: the cycle follows it */
-    uint32_t subdevices; /**< checked ones of the plan: in SAFEOP or OP, not the reference */
-    uint32_t outside;    /**< of them, further from the reference clock than the window */
-    uint32_t leaves;     /**< times they were found apart since the bus opened */
+    uint32_t subdevices; /**< checked ones of the plan: in SAFEOP or OP, without the reference */
+    uint32_t outside;    /**< of these, those further from the reference clock than the window */
+    uint32_t leaves;     /**< how often they were found apart since the bus opened */
     uint32_t window_ns;  /**< largest permitted difference from the reference clock */
     uint32_t worst_ns;   /**< largest difference found */
     uint32_t shift_ns;   /**< required lead of frames at the reference clock before SYNC0 */
-    uint32_t lead_ns;    /**< lead of the last frame */
+    uint32_t lead_ns;    /**< actual lead of the last frame */
     char reference[64];  /**< SubDevice with the reference clock; empty before the start */
-    /** Names the clock that is apart, or no longer the reference, for people; else empty. */
+    /** The clock that is apart, or no longer the reference, in words; otherwise empty. */
     char place[FSN_DETAIL_BYTES];
 };
 
@@ -171,7 +171,7 @@ struct fsn_statistics;
 
 enum { FSN_HELD = 8 };
 
-/** A bus that is in OP, as handed from one process to the next; see fsn_live_options.attach. */
+/** A bus in OP, as passed from one process to the next; see fsn_live_options.attach. */
 struct fsn_bus_attachment {
     const void *bytes; /**< SubDevice data of the backend; valid for the same backend only */
     size_t len_bytes;
@@ -185,14 +185,14 @@ struct fsn_bus_attachment {
 
 /** A backend. `bus` is its own context.
  *
- *  Freshness: receive() leaves the input bytes of a SubDevice that did not answer unchanged and
- *  whole. It never zeroes them, never writes half of them and never writes outputs. From one
- *  receive() to the next only the core writes the image, and it reads the image after send(). */
+ *  Freshness: receive() leaves the input bytes of a SubDevice that did not answer unchanged. It
+ *  never clears them, never writes a part of them and never writes outputs. From one receive() to
+ *  the next only the core writes the image, and it reads the image after send(). */
 struct fsn_bus_ops {
     const char *name;
     /** Fills the layout. A live bus has found and checked its SubDevices by then, and they are in
-     *  PREOP or higher. Any status but FSN_OK rejects the activation. Then `fault`, never NULL, may
-     *  be filled with details. Set-up thread; may allocate and take seconds. */
+     *  PREOP or higher. Any status except FSN_OK rejects the activation; `fault`, never NULL, may
+     *  then be filled with details. Set-up thread; may allocate and take seconds. */
     fsn_status (*open)(void *bus, const struct fsn_plan *plan, struct fsn_bus_layout *layout,
                        struct fsn_fault *fault);
     /** Copies the inputs of this cycle into the image. Cyclic thread; RT-safe. */
@@ -202,18 +202,18 @@ struct fsn_bus_ops {
     /** Called once per successful open(), when the core is freed; may be NULL. Set-up thread. */
     void (*close)(void *bus);
     /** One step of the acyclic work next to the running cycle: brings every SubDevice towards an AL
-     *  state, detects lost ones and recovers those that return. To be called repeatedly from one
-     *  thread that is not the cyclic one. A step may take as long as an SDO.
-     *  Returns whether every SubDevice of the plan is in that state. One that does not answer is
-     *  not in OP, and has left it. Groups may be absent. NULL: a bus without states. */
+     *  state, detects lost ones and recovers those that return. Must be called repeatedly from one
+     *  thread other than the cyclic one. A step may take as long as an SDO. Returns whether every
+     *  SubDevice of the plan is in that state. A SubDevice that does not answer is not in OP, and
+     *  has left it. Groups may be absent. NULL: a bus without states. */
     bool (*poll)(void *bus, uint8_t al_state, uint64_t now_ns);
-    /** Acyclic data of a SubDevice of the plan; any thread but the cyclic one. With poll(). */
+    /** Acyclic data of a SubDevice of the plan; any thread except the cyclic one. With poll(). */
     fsn_status (*state)(void *bus, uint32_t subdevice, struct fsn_bus_subdevice *seen);
-    /** Whether the ring is closed; any thread but the cyclic one. Returns false without a second
+    /** Whether the ring is closed; any thread except the cyclic one. Returns false without a second
      *  interface. With poll(); NULL: never a ring. */
     bool (*ring)(void *bus, struct fsn_bus_ring *ring);
-    /** The distributed clocks; any thread but a cyclic one. Returns false if none are in use. With
-     *  poll(); NULL: never. */
+    /** The distributed clocks; any thread except a cyclic one. Returns false if none are in use.
+     *  With poll(); NULL: never. */
     bool (*clocks)(void *bus, struct fsn_bus_clocks *clocks);
     /** Acyclic objects, SII and registers, see fsn/acyclic.h; NULL: none. */
     const struct fsn_bus_acyclic *acyclic;
@@ -222,12 +222,12 @@ struct fsn_bus_ops {
      *  @param[out] attachment  belongs to the bus, and is valid until the next call.
      *  NULL: this bus cannot be handed over. */
     fsn_status (*describe)(void *bus, struct fsn_bus_attachment *attachment);
-    /** Discards the cyclic frames that came in while another process drove the bus. Set-up; before
+    /** Discards the cyclic frames that arrived while another process drove the bus. Set-up; before
      *  the first cycle of a bus that was attached to. With describe(). */
     void (*discard)(void *bus);
     /** Counters of one of several buses, by its number in the plan. For the first, whose cycle is
      *  that of the core, only counters that differ from those of the core are overwritten. Any
-     *  thread but a cyclic one. NULL: there is one bus. */
+     *  thread except a cyclic one. NULL: there is only one bus. */
     fsn_status (*statistics)(void *bus, uint32_t number, struct fsn_statistics *statistics);
 };
 

@@ -1,7 +1,7 @@
 /** Emulated bus: the sync manager buffers of the plan's SubDevices, in this process.
  *
  *  The device side may live in another thread than the cycle. Each sync manager has three buffers,
- *  as in an EtherCAT SubDevice controller, so that neither side ever sees half of a frame. */
+ *  as in an EtherCAT SubDevice controller, so that neither side ever sees an incomplete frame. */
 #ifndef FSN_EMULATED_H
 #define FSN_EMULATED_H
 
@@ -31,7 +31,7 @@ FSN_API FSN_MUST_USE fsn_status fsn_emulated_create(const struct fsn_plan *plan,
  *  any order. Context: set-up. */
 FSN_API void fsn_emulated_free(struct fsn_emulated *bus);
 
-/** Device side: reads the newest outputs a SubDevice was sent.
+/** Device side: reads the newest outputs sent to a SubDevice.
  *  @param[in]  sm     number of an output sync manager in the plan.
  *  @param[out] buffer size_bytes of the sync manager.
  *  @param[out] fresh  whether they were sent since the last call; may be NULL.
@@ -41,7 +41,7 @@ FSN_API FSN_MUST_USE fsn_status fsn_emulated_read_outputs(struct fsn_emulated *b
                                                           uint8_t *buffer, size_t len_bytes,
                                                           bool *fresh);
 
-/** Device side: publishes new inputs of a SubDevice, whole.
+/** Device side: publishes new inputs of a SubDevice, all at once.
  *  @param[in] sm         number of an input sync manager in the plan.
  *  @param[in] buffer     its whole process data.
  *  @param[in] len_bytes  size_bytes of the sync manager.
@@ -51,8 +51,8 @@ FSN_API FSN_MUST_USE fsn_status fsn_emulated_write_inputs(struct fsn_emulated *b
                                                           const uint8_t *buffer, size_t len_bytes);
 
 /** Unplugs a SubDevice or plugs it in again. While it is absent nothing is delivered in either
- *  direction and the working counter is lower.   @retval FSN_E_ARG  no such SubDevice.
- *  Context: any thread. */
+ *  direction and the working counter is lower.   @retval FSN_E_ARG  unknown SubDevice. Context: any
+ *  thread. */
 FSN_API FSN_MUST_USE fsn_status fsn_emulated_set_present(struct fsn_emulated *bus,
                                                          uint32_t subdevice, bool present);
 

@@ -1,4 +1,4 @@
-/** Everything: load a plan, run it on a bus. */
+/** Includes everything: load a plan, run it on a bus. */
 #ifndef FSN_FSN_H
 #define FSN_FSN_H
 

@@ -38,7 +38,7 @@ FSN_API uint16_t fsn_fsoe_connection_id(const uint8_t *frame, size_t len_bytes);
 FSN_API uint16_t fsn_fsoe_crc0(const uint8_t *frame, size_t len_bytes);
 
 /** Expected CRC_0 (§2), with the ConnID of the frame.
- *  @param[in] old_crc   CRC_0 of the frame before, of either direction; 0 after a Reset.
+ *  @param[in] old_crc   CRC_0 of the previous frame in either direction; 0 after a Reset.
  *  @param[in] sequence  1 … 65535.
  *  Context: any thread. RT-safe. Cost: a dozen table look-ups. */
 FSN_API uint16_t fsn_fsoe_expected_crc0(const uint8_t *frame, size_t len_bytes, uint16_t old_crc,
@@ -54,9 +54,9 @@ FSN_API bool fsn_fsoe_check(const uint8_t *frame, size_t len_bytes, uint16_t old
  *  Context: any thread. RT-safe. Cost: constant. */
 FSN_API uint16_t fsn_fsoe_solve_sequence(const uint8_t *frame, size_t len_bytes, uint16_t old_crc);
 
-/** Whether the blocks of a frame fit each other, whatever old CRC and sequence number are: 16 bits
- *  of evidence for each block but the first, none for a frame of one block.
- *  @param[out] blocks  how many blocks from the first on fit each other; may be NULL.
+/** Whether the blocks of a frame match each other, whatever old CRC and sequence number are: 16
+ *  bits of evidence for each block except the first, none for a frame of one block.
+ *  @param[out] blocks  number of matching blocks, from the first on; may be NULL.
  *  Context: any thread. RT-safe. Cost: O(length). */
 FSN_API bool fsn_fsoe_is_whole(const uint8_t *frame, size_t len_bytes, unsigned *blocks);
 

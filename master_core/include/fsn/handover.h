@@ -13,8 +13,8 @@ extern "C" {
  *  thread. */
 FSN_API size_t fsn_core_room_bytes(const struct fsn_core *core);
 
-/** Moves the snapshots of fsn_core_snapshot() into memory that other processes may read. It costs
- *  the cycle nothing: only the address of the snapshots changes.
+/** Moves the snapshots of fsn_core_snapshot() into memory that other processes may read. This has
+ *  no cost in the cycle: only the address of the snapshots changes.
  *  @param[in] room  fsn_core_room_bytes() bytes of zeros, 64-byte aligned, every page touched once;
  *                   it must outlive the core.
  *  @retval FSN_E_ARG    no core or room.   @retval FSN_E_STATE  the thread runs, or it has one.
@@ -30,7 +30,7 @@ FSN_API void fsn_core_show_first(struct fsn_core *core, bool first);
  *  @param[in] room  accepted by fsn_room_read() once.   Context: any process. */
 FSN_API uint32_t fsn_room_pictures(const void *room);
 
-/** Reads the last whole snapshot of a room, also after its owner has ended.
+/** Reads the last complete snapshot of a room, even after its owner has ended.
  *  @param[in]  len_bytes    bytes of the room.
  *  @param[in]  image_bytes  bytes of the process image, which must be the same.
  *  @param[out] statistics   may be NULL.
@@ -45,7 +45,7 @@ FSN_API FSN_MUST_USE fsn_status fsn_room_read(const void *room, size_t len_bytes
 /** Continues from the last snapshot of another core with the same plan: its first cycle sends the
  *  outputs unchanged, it continues the counts, and keeps the cycle times. Cycles that no process
  *  ran count as overruns of the first.
- *  @retval FSN_E_ARG    no core, statistics or image.   @retval FSN_E_STATE  it has run already.
+ *  @retval FSN_E_ARG    no core, statistics or image.   @retval FSN_E_STATE  it has already run.
  *  Context: set-up, right before fsn_core_start(). */
 FSN_API FSN_MUST_USE fsn_status fsn_core_continue(struct fsn_core *core,
                                                   const struct fsn_statistics *statistics,

@@ -11,20 +11,20 @@
 extern "C" {
 #endif
 
-/** Options of a live bus, set before it is opened. Zero is a valid value for every field but the
+/** Options of a live bus, set before it is opened. Zero is a valid value for every field except the
  *  interface. */
 struct fsn_live_options {
     const char *interface;    /**< network interface (soem) or number of the master (igh) */
     const char *redundant;    /**< second interface at the other end of the ring; NULL: none */
-    uint64_t cycle_ns;        /**< bus cycle, for SYNC0 and timeouts; 0 takes the plan's */
+    uint64_t cycle_ns;        /**< bus cycle, for SYNC0 and timeouts; 0: that of the plan */
     uint64_t receive_wait_ns; /**< how long receive() waits for the replies; 0 reads only those that
                                * have arrived, as required for a timed cycle */
     uint32_t dc_every;        /**< DC reference time is distributed every n cycles; 0: each, where
                                    the plan has a SubDevice with SYNC0, else never */
-    bool dc_host;             /**< this machine sets the reference clock; false: its cycle follows
-                                   the clock of the first SubDevice that has one */
-    uint64_t dc_shift_ns;     /**< as in fsn_thread_options, for the report of clocks() */
-    uint64_t dc_window_ns;    /**< permitted difference from the reference clock; 0: 1000 ns */
+    bool dc_host; /**< this machine sets the reference clock; false: its cycle follows the clock of
+                     the first SubDevice with a clock */
+    uint64_t dc_shift_ns;  /**< as in fsn_thread_options, for the report of clocks() */
+    uint64_t dc_window_ns; /**< permitted difference from the reference clock; 0: 1000 ns */
     /** Data from describe() of the process that drives the bus. Then open() changes nothing on the
      *  bus, compares it with the plan, and rejects a difference; close() leaves the bus unchanged
      *  as long as no cycle was sent. Needed until open() has returned. NULL: start the bus.
@@ -35,10 +35,10 @@ struct fsn_live_options {
 /** One backend. */
 struct fsn_backend {
     const char *name;
-    const char *about; /**< stack, version, licence and trademark terms, for people; lines */
+    const char *about; /**< stack, version, licence and trademark terms, in lines of text */
     const struct fsn_bus_ops *ops;
     bool needs_interface; /**< fsn_live_options.interface is required */
-    bool takes_redundant; /**< it drives a ring from both ends: fsn_live_options.redundant */
+    bool takes_redundant; /**< it can drive a ring from both ends: fsn_live_options.redundant */
     /** Creates the context for `ops`; nothing is sent before ops->open().
      *  @param[in]  options  copied, including its strings.
      *  @param[out] bus      to be given to `free`; NULL on refusal.
@@ -55,7 +55,7 @@ struct fsn_backend {
     void (*free)(void *bus);
 };
 
-/** SOEM, with a cyclic wire of its own. In library fsn_soem. Context: any thread. */
+/** SOEM, with its own cyclic wire. In library fsn_soem. Context: any thread. */
 FSN_API const struct fsn_backend *fsn_backend_soem(void);
 
 /** IgH EtherCAT Master through ecrt.h. In library fsn_igh. Context: any thread. */

@@ -1,5 +1,5 @@
-/** Plans: bytes of a .fsnplan file, treated as hostile input and proved before anything is copied.
- *  Layout: docs/reference/plan-format.md. */
+/** Plans: bytes of a .fsnplan file, treated as hostile input and verified before anything is
+ *  copied. Layout: docs/reference/plan-format.md. */
 #ifndef FSN_PLAN_H
 #define FSN_PLAN_H
 
@@ -19,7 +19,7 @@ enum { FSN_COPY_FSOE = 1, FSN_COPY_STANDARD = 2 };
 enum { FSN_MAX_SM_BITS = 11888, FSN_MAX_DATAGRAM_BYTES = 1486 };
 enum { FSN_SHA256_BYTES = 32 };
 
-/** How the bits of an entry are read. */
+/** Interpretation of the bits of an entry. */
 enum fsn_kind {
     FSN_KIND_BITS = 0,
     FSN_KIND_BOOL = 1,
@@ -53,8 +53,8 @@ struct fsn_symbol_info {
     uint8_t kind; /**< enum fsn_kind */
     uint8_t output, restart_relevant;
     uint64_t stop_value;   /**< raw value of an output without a writer; 0 for inputs */
-    double factor, offset; /**< an input is factor * raw + offset, raw of an output the same of its
-                                value; finite, factor not 0 */
+    double factor, offset; /**< value of an input: factor * raw + offset; raw of an output: factor *
+                              value + offset; finite, factor not 0 */
 };
 
 /** A recognised FSoE frame. */
@@ -78,12 +78,12 @@ struct fsn_connection_info {
     uint16_t connection_id, address, watchdog_ms, known; /**< known: bit 0, 1, 2 in this order */
     uint16_t safe_to_sub, safe_to_main;
     uint16_t app_bytes; /**< length of the application parameters; known: bit 3 */
-    uint32_t app_crc;   /**< CRC-32 (IEEE 802.3) of them */
+    uint32_t app_crc;   /**< CRC-32 (IEEE 802.3) of these */
 };
 
-/** One of the buses of a plan; their SubDevices follow each other. */
+/** One of the buses of a plan; the SubDevices of a bus are consecutive. */
 struct fsn_bus_info {
-    const char *name;  /**< empty where there is one only */
+    const char *name;  /**< empty if there is only one */
     uint32_t cycle_ns; /**< 0: not stated */
     uint32_t first_subdevice, subdevice_count;
 };
@@ -111,11 +111,11 @@ FSN_API FSN_MUST_USE fsn_status fsn_plan_load(const void *bytes, size_t len_byte
  *  may be freed in any order. Context: set-up. */
 FSN_API void fsn_plan_free(struct fsn_plan *plan);
 
-/** SHA-256 of the plan as loaded, computed from the bytes its records are read from. It equals that
- *  of the file unless the file has changed since. Context: any thread. Cost: O(length). */
+/** SHA-256 of the loaded plan, calculated from the bytes of its records. It equals that of the file
+ *  unless the file has changed since. Context: any thread. Cost: O(length). */
 FSN_API void fsn_plan_sha256(const struct fsn_plan *plan, uint8_t digest[FSN_SHA256_BYTES]);
 
-/** The sections of a fingerprint, in the order in which the whole takes them. */
+/** The sections of a fingerprint, in the order of the total hash. */
 enum {
     FSN_FINGERPRINT_DEVICES,
     FSN_FINGERPRINT_PROCESS_DATA,
@@ -138,8 +138,8 @@ struct fsn_fingerprint {
 /** Bytes of the short code, "A1B2 C3D4 E5F6 0718" and a zero byte. */
 enum { FSN_FINGERPRINT_CODE_BYTES = 20 };
 
-/** Fingerprint of everything safety-relevant in a plan, computed again from the loaded tables. Only
- *  the section of the safety functions is an input of the plan: it holds their hash alone.
+/** Fingerprint of everything safety-relevant in a plan, calculated from the loaded tables. Only the
+ *  hash of the safety functions is taken from the plan, which does not contain their text.
  *  @retval FSN_E_ARG    an argument is NULL.
  *  @retval FSN_E_NOMEM  no memory for the order of connections and symbols.
  *  Memory: 4 bytes per connection and symbol, freed afterwards. Time: O(records * log(symbols)).
@@ -155,29 +155,29 @@ FSN_API const char *fsn_fingerprint_section(uint32_t section);
 FSN_API void fsn_fingerprint_code(const struct fsn_fingerprint *fingerprint,
                                   char code[FSN_FINGERPRINT_CODE_BYTES]);
 
-/** Bus cycle in nanoseconds, 0 when the plan does not state it. Context: any thread. */
+/** Bus cycle in nanoseconds; 0 if the plan does not state it. Context: any thread. */
 FSN_API uint32_t fsn_plan_cycle_ns(const struct fsn_plan *plan);
 
-/** Number of buses, at least 1. The first leads: its cycle, the shortest, is that of the plan.
+/** Number of buses, at least 1. The first bus has the shortest cycle, which is that of the plan.
  *  Context: any thread. */
 FSN_API uint32_t fsn_plan_bus_count(const struct fsn_plan *plan);
 
-/** One of them.   @retval FSN_E_ARG  no such bus.   Context: any thread. */
+/** One of the buses.   @retval FSN_E_ARG  unknown bus.   Context: any thread. */
 FSN_API FSN_MUST_USE fsn_status fsn_plan_bus(const struct fsn_plan *plan, uint32_t number,
                                              struct fsn_bus_info *info);
 
 /** Number of the bus that a SubDevice of the plan is on. Context: any thread. */
 FSN_API uint32_t fsn_plan_bus_of(const struct fsn_plan *plan, uint32_t subdevice);
 
-/** Number of the group that a SubDevice of the plan is in; FSN_NONE: it is always there.
- *  Context: any thread. */
+/** Number of the group of a SubDevice of the plan; FSN_NONE: it is always present. Context: any
+ *  thread. */
 FSN_API uint32_t fsn_plan_group_of(const struct fsn_plan *plan, uint32_t subdevice);
 
-/** Makes the plan of one bus: its SubDevices alone, with what is copied between them. Their numbers
- *  begin at 0; so do those of sync managers, symbols, copies and connections.
+/** Creates the plan of one bus: only its SubDevices, and the copies between them. Their numbers
+ *  begin at 0, as do those of sync managers, symbols, copies and connections.
  *  @param[out] part  to be freed by fsn_plan_free(); NULL on refusal. Of a plan of one bus it is
  *                    the plan itself, held once more.
- *  @retval FSN_E_ARG    no such bus.   @retval FSN_E_NOMEM  out of memory.
+ *  @retval FSN_E_ARG    unknown bus.   @retval FSN_E_NOMEM  out of memory.
  *  Context: set-up. Allocates. */
 FSN_API FSN_MUST_USE fsn_status fsn_plan_part(const struct fsn_plan *plan, uint32_t bus,
                                               struct fsn_plan **part);

@@ -1,7 +1,7 @@
 /** Finds FSoE connections in captured EtherCAT frames and follows them.
  *
- *  No description of the network is needed. A place in the process data is taken for one end of a
- *  connection when its first byte is always a command, its last two bytes are one ConnID, and its
+ *  No description of the network is needed. A place in the process data counts as one end of a
+ *  connection if its first byte is always a command, its last two bytes are one ConnID, and its
  *  CRCs form one chain with those of another place with the same ConnID. */
 #ifndef FSN_SCAN_H
 #define FSN_SCAN_H
@@ -16,7 +16,7 @@ struct fsn_scan;
 
 enum { FSN_SCAN_PLACES = 8 }; /**< places remembered per connection */
 
-/** How it is known which end of a connection is the MainInstance. */
+/** Source of the knowledge which end of a connection is the MainInstance. */
 enum fsn_scan_roles {
     FSN_ROLES_BY_NUMBERS = 0, /**< from the sequence numbers; wrong after enough collisions */
     FSN_ROLES_BY_START = 1    /**< its first Session frame was seen */
@@ -33,7 +33,7 @@ struct fsn_scan_place {
 /** A connection that was found. */
 struct fsn_scan_connection {
     struct fsn_connection_status status;
-    struct fsn_scan_place places[FSN_SCAN_PLACES]; /**< [0] and [1]: those of the monitor */
+    struct fsn_scan_place places[FSN_SCAN_PLACES]; /**< [0] and [1] are followed by the monitor */
     uint32_t place_count;
     uint16_t connection_id;
     uint8_t roles; /**< enum fsn_scan_roles */
@@ -54,7 +54,7 @@ struct fsn_sighting {
 
 /** Counters of all other observations. */
 struct fsn_scan_counts {
-    uint64_t packets;    /**< handed in */
+    uint64_t packets;    /**< passed to the scanner */
     uint64_t ethercat;   /**< of these, EtherCAT frames */
     uint64_t malformed;  /**< of these, invalid EtherCAT frames */
     uint64_t datagrams;  /**< process data datagrams that a SubDevice has answered */
@@ -69,21 +69,21 @@ FSN_API FSN_MUST_USE fsn_status fsn_scan_create(struct fsn_scan **scan);
 FSN_API void fsn_scan_free(struct fsn_scan *scan);
 
 /** Processes one captured Ethernet frame: EtherCAT (0x88A4, with VLAN tag or not) or EtherCAT in
- *  UDP. Datagrams with working counter 0 are left out: on their way out the inputs are old.
- *  @param[in] bus      number of the bus, when the capture is of several: the same logical address
+ *  UDP. Datagrams with working counter 0 are skipped: on their way out the inputs are old.
+ *  @param[in] bus      number of the bus, if the capture contains several: the same logical address
  *                      is another place there. The source address distinguishes buses as well.
- *  @param[in] time_ns  when it was captured, nanoseconds, never decreasing.
- *  Returns how many sightings wait. Context: one thread. Allocates. */
+ *  @param[in] time_ns  when it was captured, nanoseconds, never decreasing. Returns the number of
+ *  waiting sightings. Context: one thread. Allocates. */
 FSN_API uint32_t fsn_scan_packet(struct fsn_scan *scan, uint32_t bus, const uint8_t *bytes,
                                  size_t len_bytes, uint64_t time_ns);
 
-/** Takes the oldest sighting; false when there is none. The first frames of a connection come when
- *  it is found, a few frames late. Context: one thread. */
+/** Takes the oldest sighting; false if there is none. The first frames of a connection are returned
+ *  when it is found, a few frames late. Context: one thread. */
 FSN_API bool fsn_scan_next(struct fsn_scan *scan, struct fsn_sighting *sighting);
 
 /** Connections found so far. Context: one thread. */
 FSN_API uint32_t fsn_scan_connection_count(const struct fsn_scan *scan);
-/** One connection; FSN_E_ARG when there is none of this number. Context: one thread. */
+/** One connection; FSN_E_ARG for an unknown number. Context: one thread. */
 FSN_API FSN_MUST_USE fsn_status fsn_scan_connection(const struct fsn_scan *scan, uint32_t number,
                                                     struct fsn_scan_connection *connection);
 /** All counters so far. Context: one thread. */

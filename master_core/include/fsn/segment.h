@@ -1,4 +1,4 @@
-/** An emulated EtherCAT segment: SubDevices of a plan that answer frames as real ones do.
+/** An emulated EtherCAT segment: SubDevices of a plan that answer frames like real ones.
  *
  *  For development and tests. It contains no FSoE: devices on top of it, such as those of the
  * Python package, read outputs and write inputs. */
@@ -17,12 +17,12 @@ extern "C" {
 
 struct fsn_segment;
 
-/** Counters of a segment; they only grow. */
+/** Counters of a segment; they only increase. */
 struct fsn_segment_counts {
     uint64_t frames;    /**< EtherCAT frames answered */
-    uint64_t datagrams; /**< in them */
+    uint64_t datagrams; /**< datagrams in these frames */
     uint64_t lost;      /**< frames that were lost on purpose */
-    uint64_t foreign;   /**< packets that were not a whole EtherCAT frame; they get no answer */
+    uint64_t foreign;   /**< packets that were not a complete EtherCAT frame; they get no answer */
     uint64_t unsent;    /**< answers that the system refused to send */
     uint64_t work_ns;   /**< time spent on frames by the link thread */
     int send_errno;     /**< errno of the last refused answer; 0: none */
@@ -30,7 +30,7 @@ struct fsn_segment_counts {
 
 /** Builds the SubDevices of a plan, in ring order, all switched on and in INIT. Positions that the
  *  plan leaves free are couplers without process data. Groups follow all others, as on a junction:
- *  without them frames still pass. Of the groups of one place the first is plugged in.
+ *  without them frames still pass. Of the groups of one place, the first is plugged in.
  *  @param[in]  plan     referenced until the segment is freed.
  *  @param[out] segment  to be freed by fsn_segment_free(); NULL on refusal.
  *  @retval FSN_E_ARG    plan or segment is missing.
@@ -43,22 +43,22 @@ FSN_API FSN_MUST_USE fsn_status fsn_segment_create(struct fsn_plan *plan,
 FSN_API void fsn_segment_free(struct fsn_segment *segment);
 
 /** Lets one Ethernet frame pass through the segment, in place.
- *  @param[in] now_ns  when it came in; any clock, never decreasing.
+ *  @param[in] now_ns  arrival time; any clock, never decreasing.
  *  @retval 0  no answer: not EtherCAT, malformed, lost, or no SubDevice is plugged in.
  *  @retval otherwise the length of the answer, the same as of the frame.
  *  Context: any thread. Locks. Cost: O(datagrams * SubDevices). */
 FSN_API size_t fsn_segment_frame(struct fsn_segment *segment, uint8_t *frame, size_t len_bytes,
                                  uint64_t now_ns);
 
-/** Cables the last SubDevice to a second port of the MainDevice, or takes that cable away. While
- * the ring is closed, a frame that enters at one end leaves at the other; only those from the first
- *  port are processed. At a gap frames turn round, and each half is processed by its own.
- *  Context: any thread. Locks. */
+/** Cables the last SubDevice to a second port of the MainDevice, or removes that cable. While the
+ *  ring is closed, a frame that enters at one end leaves at the other; only those from the first
+ *  port are processed. At a gap frames turn round, and each half is processed by its own. Context:
+ *  any thread. Locks. */
 FSN_API void fsn_segment_set_ring(struct fsn_segment *segment, bool ring);
 
 /** fsn_segment_frame() for either port of the MainDevice.
  *  @param[in]  port      0, or 1 in a ring; any other port gets no answer.
- *  @param[out] out_port  port where the answer comes out; may be NULL.
+ *  @param[out] out_port  port where the answer leaves; may be NULL.
  *  Context: any thread. Locks. */
 FSN_API size_t fsn_segment_frame_from(struct fsn_segment *segment, uint32_t port, uint8_t *frame,
                                       size_t len_bytes, uint64_t now_ns, uint32_t *out_port);
@@ -66,21 +66,21 @@ FSN_API size_t fsn_segment_frame_from(struct fsn_segment *segment, uint32_t port
 /** Runs events without a frame: watchdogs. Context: any thread. Locks. */
 FSN_API void fsn_segment_idle(struct fsn_segment *segment, uint64_t now_ns);
 
-/** SubDevices on the ring, couplers for free positions included. Context: any thread. */
+/** SubDevices on the ring, including couplers at free positions. Context: any thread. */
 FSN_API uint32_t fsn_segment_size(const struct fsn_segment *segment);
 
 /** Ring position of a SubDevice of the plan; FSN_NONE: there is none. Context: any thread. */
 FSN_API uint32_t fsn_segment_position(const struct fsn_segment *segment, uint32_t subdevice);
 
-/** Newest outputs of a sync manager, as the device reads them: whole, or the previous ones.
+/** Newest outputs of a sync manager, as the device reads them: complete, or else the previous ones.
  *  @param[out] fresh  whether they are new since the last call; may be NULL.
- *  @retval FSN_E_ARG  no such output, or another length.   Context: any thread. Locks. */
+ *  @retval FSN_E_ARG  unknown output, or another length.   Context: any thread. Locks. */
 FSN_API FSN_MUST_USE fsn_status fsn_segment_read_outputs(struct fsn_segment *segment, uint32_t sm,
                                                          uint8_t *buffer, size_t len_bytes,
                                                          bool *fresh);
 
-/** Publishes inputs of a sync manager, whole.
- *  @retval FSN_E_ARG  no such input, or another length.   Context: any thread. Locks. */
+/** Publishes inputs of a sync manager, all at once.
+ *  @retval FSN_E_ARG  unknown input, or another length.   Context: any thread. Locks. */
 FSN_API FSN_MUST_USE fsn_status fsn_segment_write_inputs(struct fsn_segment *segment, uint32_t sm,
                                                          const uint8_t *buffer, size_t len_bytes);
 
@@ -90,10 +90,9 @@ FSN_API FSN_MUST_USE fsn_status fsn_segment_write_inputs(struct fsn_segment *seg
 FSN_API uint8_t fsn_segment_al_status(struct fsn_segment *segment, uint32_t position,
                                       uint16_t *code);
 
-/** Unplugs the SubDevice at a ring position, with all SubDevices after it unless it is of a group,
- *  or plugs it in again: it then starts as after power-on. No effect at a position that does not
- *  exist.
- *  Context: any thread. Locks. */
+/** Unplugs the SubDevice at a ring position, with all SubDevices after it unless it belongs to a
+ *  group, or plugs it in again: it then starts as after power-on. No effect at a position that does
+ *  not exist. Context: any thread. Locks. */
 FSN_API void fsn_segment_set_present(struct fsn_segment *segment, uint32_t position, bool present);
 
 /** Switches the SubDevice at a ring position off and on: its neighbours lose the link to it and
@@ -110,7 +109,7 @@ FSN_API FSN_MUST_USE fsn_status fsn_segment_set_link(struct fsn_segment *segment
                                                      bool up);
 
 /** Counts receive errors at a port, and forwarded errors in all SubDevices after it. The frames
- *  themselves are unchanged: lose some with fsn_segment_lose().
+ *  themselves are unchanged; to lose some, use fsn_segment_lose().
  *  @param[in] port      0: towards the MainDevice, 1: away from it.
  *  @retval FSN_E_ARG    no such SubDevice or port.
  *  Context: any thread. Locks. */
@@ -148,8 +147,8 @@ FSN_API FSN_MUST_USE fsn_status fsn_segment_set_sdo_abort(struct fsn_segment *se
                                                           uint32_t position, uint16_t index,
                                                           uint32_t sub, uint32_t code);
 
-/** Sets an object as CoE reads it, now and after every power-on; one that does not exist is added,
- *  read only.
+/** Sets the value of an object that CoE reads, now and after every power-on; an unknown object is
+ *  added, read only.
  *  @retval FSN_E_ARG    no such SubDevice, more than 1024 bytes, or another length than before.
  *  Context: any thread. Locks; allocates when it adds. */
 FSN_API FSN_MUST_USE fsn_status fsn_segment_set_object(struct fsn_segment *segment,
@@ -157,7 +156,7 @@ FSN_API FSN_MUST_USE fsn_status fsn_segment_set_object(struct fsn_segment *segme
                                                        uint8_t sub, const void *bytes,
                                                        size_t len_bytes);
 
-/** Sets an object as fsn_segment_set_object() does; an added object can also be written by CoE.
+/** Sets an object like fsn_segment_set_object(); an added object can also be written by CoE.
  *  @retval FSN_E_ARG    as there.
  *  Context: any thread. Locks; allocates when it adds. */
 FSN_API FSN_MUST_USE fsn_status fsn_segment_offer_object(struct fsn_segment *segment,
@@ -165,18 +164,18 @@ FSN_API FSN_MUST_USE fsn_status fsn_segment_offer_object(struct fsn_segment *seg
                                                          uint8_t sub, const void *bytes,
                                                          size_t len_bytes);
 
-/** Reads the present value of an object: as set, or as written by CoE since.
+/** Reads the current value of an object: as set, or as written by CoE since then.
  *  @retval FSN_E_ARG    no such SubDevice or object, or another length; nothing was copied.
  *  Context: any thread. Locks. */
 FSN_API FSN_MUST_USE fsn_status fsn_segment_get_object(struct fsn_segment *segment,
                                                        uint32_t position, uint16_t index,
                                                        uint8_t sub, void *bytes, size_t len_bytes);
 
-/** The distributed clock of a SubDevice. As they are built, clocks of a segment start at different
- *  times, differ by up to 50 ppm, and a frame takes 300 ns from one to the next. */
+/** The distributed clock of a SubDevice. By default, clocks of a segment start at different times
+ *  and differ by up to 50 ppm, and a frame takes 300 ns from one to the next. */
 struct fsn_segment_clock {
-    bool absent;         /**< it has none */
-    bool deaf;           /**< its control loop does not work: it follows no other clock */
+    bool absent;         /**< there is no clock */
+    bool deaf;           /**< its control loop does not work: it does not follow another clock */
     uint64_t offset_ns;  /**< lead of the clock over the time given with a frame */
     int32_t drift_ppb;   /**< rate error of a fast clock, in 1e-9; less than 0.1 % */
     uint32_t forward_ns; /**< delay of a frame from it to the next SubDevice */
@@ -192,29 +191,29 @@ FSN_API FSN_MUST_USE fsn_status fsn_segment_set_clock(struct fsn_segment *segmen
                                                       uint32_t position,
                                                       const struct fsn_segment_clock *clock);
 
-/** Gives the times of a SubDevice's clock 32 or 64 bits; 64 as it is built. With 32 bits the upper
- *  halves of system time, offset and start time are zero, and SYNC0 whose start has passed begins
- *  when the time has gone around, after 4.29 s at most.
+/** Gives the times of a SubDevice's clock 32 or 64 bits; the default is 64. With 32 bits the upper
+ *  halves of system time, offset and start time are zero. A SYNC0 whose start has passed then
+ *  begins when the time wraps around, after at most 4.29 s.
  *  @retval FSN_E_ARG    no such SubDevice, or another number of bits.
  *  Context: any thread. Locks. */
 FSN_API FSN_MUST_USE fsn_status fsn_segment_set_clock_bits(struct fsn_segment *segment,
                                                            uint32_t position, uint32_t bits);
 
 /** Gets the time of the next SYNC0 pulse of a SubDevice.
- *  @param[out] time_ns  in the time that was given with the last frame.
+ *  @param[out] time_ns  in the time passed with the last frame.
  *  @retval FSN_E_ARG    no such SubDevice, or a null pointer.
  *  @retval FSN_E_STATE  SYNC0 is off, or its start has passed.
  *  Context: any thread. Locks. */
 FSN_API FSN_MUST_USE fsn_status fsn_segment_next_pulse(struct fsn_segment *segment,
                                                        uint32_t position, uint64_t *time_ns);
 
-/** Delays mailbox answers; 0: no longer. At most an hour, as all delays here.
- *  @retval FSN_E_ARG    no such SubDevice.   Context: any thread. Locks. */
+/** Delays mailbox answers; 0: no delay. At most an hour, like all delays here.
+ *  @retval FSN_E_ARG    unknown SubDevice.   Context: any thread. Locks. */
 FSN_API FSN_MUST_USE fsn_status fsn_segment_set_mailbox_delay(struct fsn_segment *segment,
                                                               uint32_t position, uint64_t delay_ns);
 
-/** Delays AL state transitions; 0: no longer.
- *  @retval FSN_E_ARG    no such SubDevice.   Context: any thread. Locks. */
+/** Delays AL state transitions; 0: no delay.
+ *  @retval FSN_E_ARG    unknown SubDevice.   Context: any thread. Locks. */
 FSN_API FSN_MUST_USE fsn_status fsn_segment_set_al_delay(struct fsn_segment *segment,
                                                          uint32_t position, uint64_t delay_ns);
 
@@ -224,40 +223,40 @@ FSN_API void fsn_segment_lose(struct fsn_segment *segment, uint32_t frames);
 /** Loses every n-th frame from now on; 0: none. Context: any thread. Locks. */
 FSN_API void fsn_segment_lose_every(struct fsn_segment *segment, uint32_t frames);
 
-/** Puts a frame on the wire to the segment, where delay, stall and repetition apply. 1024 frames
- *  have room on it; more are lost, and counted.
+/** Puts a frame on the wire to the segment, where delay, stall and repetition apply. It holds 1024
+ *  frames; further frames are lost and counted.
  *  @param[in] port  of the MainDevice: 0, or 1 in a ring.
  *  Context: any thread. Locks. */
 FSN_API void fsn_segment_send(struct fsn_segment *segment, uint32_t port, const uint8_t *frame,
                               size_t len_bytes, uint64_t now_ns);
 
-/** Takes the next answer that has come back by now.
+/** Takes the next answer that has returned by now.
  *  @param[out] frame  at least 1536 bytes.
- *  @param[out] port   where it came out; may be NULL.
+ *  @param[out] port where it left; may be NULL.
  *  @retval 0  there is none, or too little room.
  *  Context: any thread. Locks. */
 FSN_API size_t fsn_segment_receive(struct fsn_segment *segment, uint8_t *frame, size_t room_bytes,
                                    uint64_t now_ns, uint32_t *port);
 
-/** Time until the next frame on the wire is due; UINT64_MAX: there is none.
- *  Context: any thread. Locks. */
+/** Time until the next frame on the wire is due; UINT64_MAX if there is none. Context: any thread.
+ *  Locks. */
 FSN_API uint64_t fsn_segment_wait(struct fsn_segment *segment, uint64_t now_ns);
 
-/** Delays frames on the wire by so much; their order stays. Context: any thread. Locks. */
+/** Delays frames on the wire by this time; their order is unchanged. Context: any thread. Locks. */
 FSN_API void fsn_segment_set_delay(struct fsn_segment *segment, uint64_t delay_ns);
 
-/** Holds all frames for a while; those on the wire come afterwards, all at once.
- *  Context: any thread. Locks. */
+/** Holds all frames for a time; those on the wire are delivered afterwards, all at once. Context:
+ *  any thread. Locks. */
 FSN_API void fsn_segment_stall(struct fsn_segment *segment, uint64_t duration_ns);
 
-/** Holds the next answer, and repeats it after each of so many further ones: a frame from the past.
- *  Context: any thread. Locks. */
+/** Holds the next answer, and repeats it after each of this number of further ones, as an old
+ *  frame. Context: any thread. Locks. */
 FSN_API void fsn_segment_repeat(struct fsn_segment *segment, uint32_t frames);
 
 /** Context: any thread. Locks. */
 FSN_API void fsn_segment_counts(struct fsn_segment *segment, struct fsn_segment_counts *counts);
 
-/** Options of the link. Zero is a valid value for every field but interface. */
+/** Options of the link. Zero is a valid value for every field except interface. */
 struct fsn_segment_link_options {
     const char *interface;  /**< of the first port */
     const char *interface2; /**< of the second port, which makes it a ring; NULL: none */
@@ -272,9 +271,9 @@ struct fsn_segment_link_options {
  *  real network interface. Context: any thread. */
 FSN_API bool fsn_segment_test_rig(void);
 
-/** Answers on one or two network interfaces, in a thread of its own, until fsn_segment_unlink().
- *  Only veth and tap interfaces are accepted: an emulated SubDevice with a valid FSoE address must
- *  never reach a real machine. fsn_segment_test_rig() is the one exception.
+/** Answers on one or two network interfaces, in a separate thread, until fsn_segment_unlink(). Only
+ *  veth and tap interfaces are accepted: an emulated SubDevice with a valid FSoE address must never
+ *  reach a real machine. fsn_segment_test_rig() is the one exception.
  *  @param[in]  options    copied.
  *  @param[out] sys_errno  of the system, with FSN_E_SYS; may be NULL.
  *  @retval FSN_E_ARG      not a virtual interface.

@@ -1,4 +1,4 @@
-/** Several buses of one core: each has a cycle of its own, and frames cross between them.
+/** Several buses of one core: each has its own cycle, and frames cross between them.
  *
  *  The first bus leads: its cycle is that of the core, and every copy from one bus to another is
  *  made in it. Each further bus has a thread with its own cycle time. That thread also makes the
@@ -17,7 +17,7 @@ extern "C" {
 
 struct fsn_several;
 
-/** One bus: a backend and its own context, which outlives the core. */
+/** One bus: a backend and its own context, which must outlive the core. */
 struct fsn_several_member {
     const struct fsn_bus_ops *ops; /**< the same for all */
     void *bus;
@@ -25,12 +25,12 @@ struct fsn_several_member {
                                   * NULL: it is created */
 };
 
-/** Puts the buses of a plan together.
+/** Combines the buses of a plan.
  *  @param[in]  plan     held until the result is freed.
  *  @param[in]  members  fsn_plan_bus_count() of them, in the order of the plan.
- *  @param[in]  thread   how the threads of the further buses run, its cycle is that of each bus;
- *                       NULL: without threads, in the leading cycle whenever theirs is due, as an
- *                       emulated bus needs it.
+ *  @param[in]  thread   options of the threads of the further buses, except that each bus has its
+ *                       own cycle; NULL: without threads, in the leading cycle whenever theirs is
+ *                       due, as an emulated bus needs it.
  *  @param[out] several  to be freed by fsn_several_free(), after the core; NULL on failure.
  *  @retval FSN_E_ARG    no plan or members.   @retval FSN_E_NOMEM  out of memory.
  *  Context: set-up. Allocates. */

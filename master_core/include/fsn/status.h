@@ -74,9 +74,9 @@ struct fsn_fault {
     fsn_status status;
     uint32_t section;    /**< plan section, 1 … 10; 0 for the header or no plan at all */
     uint32_t copy_index; /**< number of the record in its section: in section 8, of the copy */
-    uint32_t byte;    /**< offset in the plan file, bytes; 0 when the bus, not the file, is wrong */
-    int sys_errno;    /**< errno of the failed system call, else 0 */
-    bool link_down;   /**< FSN_E_BUS_SILENT: an interface of the bus has no link */
+    uint32_t byte;       /**< offset in the plan file, bytes; 0 if the bus is wrong, not the file */
+    int sys_errno;       /**< errno of the failed system call, otherwise 0 */
+    bool link_down;      /**< FSN_E_BUS_SILENT: an interface of the bus has no link */
     const char *rule; /**< the rule that is broken, as text; static, never NULL after a refusal */
     char detail[FSN_DETAIL_BYTES]; /**< the value found instead; often empty */
 };
@@ -88,10 +88,10 @@ FSN_API const char *fsn_version(void);
 /** Returns "FSN_E_COPY_RANGE" and the like; "FSN_E_?" for an unknown value. Context: any thread. */
 FSN_API const char *fsn_status_name(fsn_status status);
 
-/** Returns one sentence for people. Context: any thread. */
+/** Returns the status as one sentence. Context: any thread. */
 FSN_API const char *fsn_status_text(fsn_status status);
 
-/** Returns the remedy for a status, one line for people; empty for FSN_OK. Context: any thread. */
+/** Returns the remedy for a status as one line of text; empty for FSN_OK. Context: any thread. */
 FSN_API const char *fsn_status_next_step(fsn_status status);
 
 /** Returns the name of a plan section, e.g. "copy". Context: any thread. */

@@ -1,4 +1,4 @@
-/** Version of the library; the plan format has a version of its own, see plan.h. */
+/** Version of the library; the plan format has a separate version, see plan.h. */
 #ifndef FSN_VERSION_H
 #define FSN_VERSION_H
 
