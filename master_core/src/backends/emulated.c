@@ -17,7 +17,7 @@ struct mailbox {
     struct fsn_triple triple;
 };
 
-/** Of several buses: each an emulated bus of its own. */
+/** One of several buses: each is a separate emulated bus. */
 struct emulated_part {
     struct fsn_emulated *bus;
     uint32_t first_subdevice, first_sm;
@@ -31,14 +31,14 @@ struct fsn_emulated {
     struct mailbox *boxes; /**< one per sync manager; size 0 without a place */
     uint32_t box_count;
     atomic_bool *present; /**< per SubDevice */
-    bool *optional;       /**< per SubDevice: it is in a group, and may be absent */
+    bool *optional;       /**< per SubDevice: it belongs to a group, and may be absent */
     uint32_t subdevice_count;
     uint8_t *storage;
     uint8_t *image;
     struct fsn_image layout;
     uint8_t *wkc; /**< per sync manager: its share of the working counter of its datagram */
     struct emulated_part *parts;
-    uint32_t part_count; /**< 0: one bus, all of it here */
+    uint32_t part_count; /**< 0: a single bus, all of it here */
     struct fsn_several *several;
 };
 
@@ -47,13 +47,13 @@ static void publish(struct mailbox *box, const uint8_t *bytes) {
     fsn_triple_publish(&box->triple);
 }
 
-/** Newest whole buffer; `fresh`: whether it was published since the last call. */
+/** Newest complete buffer; `fresh`: whether it was published since the last call. */
 static const uint8_t *newest(struct mailbox *box, bool *fresh) {
     *fresh = fsn_triple_take(&box->triple);
     return box->buffer[box->triple.reader];
 }
 
-/** Reads the sync managers that get a place, and how many bytes their buffers need. */
+/** Reads the sync managers that have a place, and the size of their buffers. */
 static size_t read_plan(struct fsn_emulated *bus) {
     size_t total = 0;
     for (uint32_t sm = 0; sm < bus->box_count; sm++) {
@@ -104,7 +104,7 @@ static void fill(struct fsn_emulated *bus) {
     }
 }
 
-/** An emulated bus for each bus of the plan, and the multi-bus backend over them. */
+/** Creates an emulated bus for each bus of the plan, and the multi-bus backend over them. */
 static fsn_status make_parts(struct fsn_emulated *bus, uint32_t count) {
     struct fsn_several_member *members = calloc(count, sizeof *members);
     bus->parts = calloc(count, sizeof *bus->parts);
@@ -117,7 +117,7 @@ static fsn_status make_parts(struct fsn_emulated *bus, uint32_t count) {
         status = status == FSN_OK ? fsn_plan_part(bus->plan, n, &plan) : status;
         if (status == FSN_OK) {
             status = fsn_emulated_create(plan, &part->bus);
-            fsn_plan_free(plan); /* the bus holds it */
+            fsn_plan_free(plan); /* the bus holds a reference */
             part->first_subdevice = info.first_subdevice;
             part->first_sm = fsn_known_subdevice(bus->plan, info.first_subdevice).first_sm;
             members[n] = (struct fsn_several_member){fsn_emulated_ops(), part->bus, plan};
@@ -232,7 +232,7 @@ static void emulated_receive(void *context, struct fsn_bus_input *input) {
             continue;
         }
         if (!is_present(bus, box)) {
-            /* The input bytes of an absent SubDevice stay unchanged, whole. */
+            /* The input bytes of an absent SubDevice stay unchanged. */
             const bool optional = bus->optional[box->subdevice];
             input->sm_stale[sm] = box->direction == FSN_INPUT && !optional;
             if (optional) {

@@ -18,8 +18,8 @@ struct member {
     struct fsn_bus_layout layout;
     struct fsn_exchange exchange;
     uint32_t image_base, datagram_base;
-    struct fsn_core *core; /**< its cycle; NULL: it leads */
-    uint64_t elapsed_ns;   /**< without threads: since its last cycle */
+    struct fsn_core *core; /**< its cycle; NULL: it is the first bus */
+    uint64_t elapsed_ns;   /**< without threads: time since its last cycle */
     bool open;
 };
 
@@ -35,14 +35,14 @@ struct fsn_several {
     uint8_t *image;
     uint32_t *sm_base;
     uint32_t *datagram_begin;
-    /** Of the leading bus alone; written by its cycle. */
+    /** Of the first bus alone; written by its cycle. */
     _Atomic uint64_t lost_frames, wkc_errors;
     _Atomic uint32_t expected_wkc, actual_wkc;
 };
 
 /* -- cycles --------------------------------------------------------------------------------- */
 
-/** The cycle of a further bus: its inputs go up before its own copies, outputs come down. */
+/** The cycle of a further bus: publish its inputs before its own copies, then fetch outputs. */
 static void further_receive(void *context, struct fsn_bus_input *input) {
     struct member *m = context;
     m->of.ops->receive(m->of.bus, input);
@@ -131,7 +131,7 @@ static void member_close(void *context) {
     fsn_exchange_free(&m->exchange);
 }
 
-/** open() of the backend itself; then everything else is known. */
+/** open() of the backend itself; afterwards everything else is known. */
 static fsn_status member_open(void *context, const struct fsn_plan *plan,
                               struct fsn_bus_layout *layout, struct fsn_fault *fault) {
     struct member *m = context;
@@ -184,7 +184,7 @@ static fsn_status refuse(const struct member *m, fsn_status status, struct fsn_f
     return status;
 }
 
-/** The images, one after the other. */
+/** The images, one after another. */
 static fsn_status join_layouts(struct fsn_several *several, struct fsn_bus_layout *layout) {
     uint32_t bytes = 0;
     uint32_t datagrams = 0;
@@ -295,7 +295,7 @@ static bool several_poll(void *context, uint8_t al_state, uint64_t now_ns) {
     return all;
 }
 
-/** Those without a reference, else those that are apart, else the first that are in use. */
+/** Those without a reference, otherwise those that are apart, otherwise the first in use. */
 static bool several_clocks(void *context, struct fsn_bus_clocks *clocks) {
     const struct fsn_several *several = context;
     bool found = false;
@@ -342,7 +342,7 @@ static uint32_t several_place(void *context, uint32_t subdevice) {
     return place == FSN_NONE ? place : before + place;
 }
 
-/** The bus that has a place, counted over all of them; the place on it. */
+/** The bus with a position, counted across all of them; and the position on it. */
 static struct member *at_place(struct fsn_several *several, uint32_t *position) {
     struct member *m = several->members;
     for (; m + 1 < several->members + several->count; m++) {
@@ -364,7 +364,7 @@ static fsn_status several_member(void *context, uint32_t position, struct fsn_bu
     return status;
 }
 
-/** Upload or download at the place on the bus that has it. */
+/** Upload or download at a position, on the bus that has it. */
 static fsn_status transfer(struct fsn_several *several, struct fsn_transfer *transfer,
                            bool writes) {
     const uint32_t position = transfer->position;
@@ -419,7 +419,7 @@ static fsn_status several_statistics(void *context, uint32_t number,
 
 /* -- life ----------------------------------------------------------------------------------- */
 
-/** Returns the data of its members. */
+/** Selects the operations for the data of its members. */
 static void choose_ops(struct fsn_several *several, const struct fsn_bus_ops *of) {
     several->ops = (struct fsn_bus_ops){.name = of->name,
                                         .open = several_open,

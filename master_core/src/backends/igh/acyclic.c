@@ -1,5 +1,5 @@
-/** Objects of any ring position through IgH, next to the cycle. ecrt.h reaches neither SII nor
- *  registers of a SubDevice without a configuration: the command `ethercat` does. */
+/** Objects of any ring position through IgH, next to the cycle. ecrt.h gives no access to SII or
+ *  registers of a SubDevice without a configuration; the command `ethercat` does. */
 #define _POSIX_C_SOURCE 200809L
 
 #include "backends/igh/igh.h"
@@ -51,9 +51,9 @@ static fsn_status igh_member(void *context, uint32_t position, struct fsn_bus_me
     m->revision = slave.revision_number;
     m->serial = slave.serial_number;
     m->alias = slave.alias;
-    m->station = (uint16_t)(position + 1); /* as IgH numbers them */
+    m->station = (uint16_t)(position + 1); /* as numbered by IgH */
     m->al_status = (uint8_t)(slave.al_state | (slave.error_flag != 0 ? FSN_AL_ERROR : 0));
-    /* IgH does not report protocols. A SubDevice without CoE answers so. */
+    /* IgH does not report protocols. A SubDevice without CoE reports this in its answer. */
     m->mailbox = FSN_MAILBOX_COE;
     m->ports = 0x0F;
     m->errors_known = node != NULL && node->request != NULL;
@@ -84,7 +84,7 @@ static fsn_status result_of(int result, uint32_t abort_code) {
     case EPROTO:
     case EBADMSG:
         return FSN_E_BUS_STATE;
-    case EINVAL: /* IgH has no SubDevice there */
+    case EINVAL: /* IgH has no SubDevice at this position */
         return FSN_E_BUS_MISSING;
     default:
         return FSN_E_BUS_MAILBOX;
@@ -143,7 +143,7 @@ static fsn_status igh_pdo(void *context, uint32_t position, uint8_t sm, uint32_t
     return FSN_OK;
 }
 
-/** An idle master has brought all to PREOP already. */
+/** An idle master has already brought all to PREOP. */
 static fsn_status igh_visit(void *context, bool *states_changed, struct fsn_fault *fault) {
     struct fsn_igh *bus = context;
     free(bus->nodes);

@@ -1,10 +1,10 @@
 /** States, losses and returns, next to the running cycle.
  *
  *  IgH brings every SubDevice that has a configuration to OP by itself, again after each loss. It
- *  identifies it by vendor and product code alone. We add: a lost SubDevice gets no process data,
- *  in either direction, until its revision and FSoE address have been compared with the plan. We
- *  cannot prevent this: IgH writes start-up SDOs, mapping, sync managers and FMMUs into any device
- *  of that vendor and product, and requests OP. */
+ *  identifies it by vendor and product code alone. In addition, this module gives a lost SubDevice
+ *  no process data in either direction until its revision and FSoE address have been compared with
+ *  the plan. It cannot prevent the following: IgH writes start-up SDOs, mapping, sync managers and
+ *  FMMUs into any device of that vendor and product, and requests OP. */
 #include "backends/igh/igh.h"
 
 #include <string.h>
@@ -12,8 +12,8 @@
 enum {
     POLL_NS = 10000000,    /**< between two polls of all SubDevices */
     AGAIN_NS = 100000000,  /**< between two tries to read an FSoE address */
-    RETRY_NS = 1000000000, /**< after something was refused */
-    STUCK_NS = 1000000000, /**< a register request without an answer: it is made again */
+    RETRY_NS = 1000000000, /**< after a refusal */
+    STUCK_NS = 1000000000, /**< a register request without an answer: it is repeated */
     QUIET_CYCLES = 10,     /**< cycles without a working counter until a SubDevice counts as lost */
     STATE_BITS = 0x0F,
     REG_CONTROL = 0x0120,
@@ -59,7 +59,7 @@ static void request_register(struct igh_node *node, enum igh_register what, uint
     node->known.requested_ns = now_ns;
 }
 
-/** Takes the answer to the last request and makes the next one. */
+/** Takes the answer to the last request and sends the next one. */
 static void poll_registers(struct fsn_igh *bus, struct igh_node *node, bool leaving,
                            uint64_t now_ns) {
     if (node->request == NULL) {
@@ -67,7 +67,7 @@ static void poll_registers(struct fsn_igh *bus, struct igh_node *node, bool leav
     }
     const ec_request_state_t state = ecrt_reg_request_state(node->request);
     if (node->requested != IGH_REG_NONE && state == EC_REQUEST_BUSY) {
-        /* The same again: should it be answered after all, the answer fits. */
+        /* The same request again: if the first one is answered after all, the answer matches. */
         if (now_ns - node->known.requested_ns > STUCK_NS) {
             request_register(node, node->requested, now_ns);
         }
@@ -122,7 +122,7 @@ static void note_slave(struct fsn_igh *bus, struct igh_node *node, const ec_slav
     pthread_mutex_unlock(&bus->all.lock);
 }
 
-/** Whether the FSoE address is that of before, as far as it could be read then. */
+/** Whether the FSoE address is the same as before, as far as it could be read then. */
 static bool has_address(struct fsn_igh *bus, struct igh_node *node, unsigned state) {
     bool readable = false;
     if (!node->address_readable) {
@@ -133,7 +133,7 @@ static bool has_address(struct fsn_igh *bus, struct igh_node *node, unsigned sta
            igh_check_address(bus, node, &readable) == FSN_OK && readable;
 }
 
-/** Whether the device at the position is the planned one; only then it is admitted. */
+/** Whether the device at the position is the planned one; only then is it admitted. */
 static bool admit(struct fsn_igh *bus, struct igh_node *node, const ec_slave_info_t *slave,
                   uint64_t now_ns) {
     if (!igh_note_identity(bus, node, slave)) {
@@ -157,8 +157,8 @@ static bool admit(struct fsn_igh *bus, struct igh_node *node, const ec_slave_inf
     return true;
 }
 
-/** IgH stops leading a SubDevice up that has refused a state; a reset makes it try again, and is
- *  nothing to the others. */
+/** IgH no longer starts a SubDevice that has refused a state. A reset makes it retry, without
+ *  effect on the others. */
 static void retry_refused(struct fsn_igh *bus, struct igh_node *node, const ec_slave_info_t *slave,
                           uint64_t now_ns) {
     igh_note(bus, node, FSN_FOUND_STATE,
@@ -177,7 +177,7 @@ static void note_op(struct fsn_igh *bus, struct igh_node *node) {
     }
 }
 
-/** Returns false when it answers and is not in OP. */
+/** Returns false if it answers and is not in OP. */
 static bool bring_to(struct fsn_igh *bus, struct igh_node *node, const ec_master_info_t *master,
                      uint64_t now_ns) {
     ec_slave_info_t slave = {0};
@@ -186,11 +186,11 @@ static bool bring_to(struct fsn_igh *bus, struct igh_node *node, const ec_master
         lose(bus, node);
         return true;
     }
-    /* Between two polls the device was restarted: its outputs must not be used before it is
+    /* If the device was restarted between two polls, its outputs must not be used before it is
      * compared. */
     if (node->checked && node->known.was_in_op && is_silent(node) &&
         (slave.al_state & STATE_BITS) < FSN_AL_SAFEOP) {
-        shut_out(node); /* it has been away in between two polls */
+        shut_out(node); /* it was absent between two polls */
         node->known.away = true;
     }
     note_slave(bus, node, &slave);
@@ -198,7 +198,7 @@ static bool bring_to(struct fsn_igh *bus, struct igh_node *node, const ec_master
         node->known.away || (node->known.was_in_op && (slave.al_state & STATE_BITS) != FSN_AL_OP);
     const bool admitted = admit(bus, node, &slave, now_ns);
     poll_registers(bus, node, false, now_ns);
-    /* A device that was not compared may be another one, and is not asked again. */
+    /* A device that was not compared may be a different one, and is not asked again. */
     if (slave.error_flag != 0 && admitted) {
         retry_refused(bus, node, &slave, now_ns);
     }

@@ -9,7 +9,7 @@ enum { DEVICE_TYPE = 0x1000 };
 
 /* -- checks --------------------------------------------------------------------------------- */
 
-/** Finds out whether it has CoE: an abort code is an answer as well, silence is not. */
+/** Determines whether it has CoE: an abort code also counts as an answer, silence does not. */
 static fsn_status find_coe(struct fsn_igh *bus, struct igh_node *node) {
     const struct fsn_objects objects = igh_objects(bus, node);
     char detail[FSN_DETAIL_BYTES];
@@ -23,8 +23,8 @@ static fsn_status find_coe(struct fsn_igh *bus, struct igh_node *node) {
     return status;
 }
 
-/** IgH writes them again whenever it brings the SubDevice up; here it is checked whether it takes
- * them, since afterwards only the kernel log would show it. */
+/** IgH writes them again at every start of the SubDevice. Here they are checked, because afterwards
+ *  only the kernel log would show an error. */
 static fsn_status write_sdos(struct fsn_igh *bus, struct igh_node *node) {
     const struct fsn_objects objects = igh_objects(bus, node);
     char detail[FSN_DETAIL_BYTES];
@@ -96,14 +96,14 @@ static bool configure_sm(struct fsn_igh *bus, const struct igh_node *node, uint3
     return ok;
 }
 
-/** Registering one entry brings the whole sync manager into the domain. */
+/** Registering one entry adds the whole sync manager to the domain. */
 static bool make_domain(struct fsn_igh *bus, const struct igh_node *node, struct igh_area *area) {
     const struct fsn_sm_record sm = fsn_read_sm(bus->all.plan, area->sm);
     area->domain = ecrt_master_create_domain(bus->master);
     if (area->domain == NULL) {
         return false;
     }
-    uint32_t pdo = 0; /* an entry with a place has bits, hence a PDO with entries */
+    uint32_t pdo = 0; /* an entry with a place has bits, hence there is a PDO with entries */
     while (fsn_read_pdo(bus->all.plan, sm.first_pdo + pdo).entry_count == 0) {
         pdo++;
     }

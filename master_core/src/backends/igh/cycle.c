@@ -1,4 +1,4 @@
-/** The cyclic part. It allocates nothing and takes no lock of ours; every call of ecrt.h is a
+/** The cyclic part. It does not allocate or take a lock of this library; every call of ecrt.h is a
  *  system call. Those that touch the queue of datagrams share a lock with IgH's own thread in the
  *  kernel.
  *
@@ -20,7 +20,7 @@ static const uint64_t epoch_ns = UINT64_C(946684800) * NS_PER_S;
 
 /* -- receiving ------------------------------------------------------------------------------ */
 
-/** Without success nothing has come in, and the domains show it. */
+/** If this fails, no frame has arrived, and the domains show it. */
 static void receive_frames(struct fsn_igh *bus) {
     int result = -EINTR;
     for (int tries = 0; result == -EINTR && tries < TRIES; tries++) {
@@ -43,7 +43,7 @@ static bool poll_domains(struct fsn_igh *bus) {
     return all;
 }
 
-/** ecrt.h does not wait for replies; who needs them polls. */
+/** ecrt.h does not wait for replies, so poll for them. */
 static void collect(struct fsn_igh *bus) {
     const uint64_t end_ns = bus->wait_ns != 0 ? fsn_clock_ns(CLOCK_MONOTONIC) + bus->wait_ns : 0;
     for (;;) {
@@ -79,8 +79,8 @@ static void count_silence(struct fsn_igh *bus) {
     }
 }
 
-/** ecrt.h gives the lower 32 bits of the reference clock; the rest is that of our own time, which
- *  follows it. */
+/** ecrt.h returns the lower 32 bits of the reference clock; the rest is taken from our own time,
+ *  which follows it. */
 static void read_clock(struct fsn_igh *bus, struct fsn_bus_input *input) {
     uint32_t low = 0;
     if (!bus->dc_requested || ecrt_master_reference_clock_time(bus->master, &low) != 0) {
@@ -101,11 +101,11 @@ void igh_receive(void *context, struct fsn_bus_input *input) {
         move(bus, a, input);
         any = any || bus->areas[a].complete;
     }
-    /* IgH does not report how many frames it made of the datagrams; when nothing came back, at
-     * least one is lost. */
+    /* IgH does not report the number of frames for the datagrams; if nothing returned, at least one
+     * is lost. */
     input->lost_frames = !any;
     count_silence(bus);
-    if (any) { /* else its library writes a message, in this thread, that the time is not back */
+    if (any) { /* otherwise its library prints, in this thread, that the time has not returned */
         read_clock(bus, input);
     }
 }
@@ -121,13 +121,13 @@ static bool queue(const struct igh_area *area) {
 }
 
 /** The time of the application is that of the reference clock if it is known. The clock itself is
- *  never set: the cycle follows it (fsn_thread_options.follow_dc), and two that follow each other
- *  would drift together. */
+ *  never set: the cycle follows it (fsn_thread_options.follow_dc), and two clocks that follow each
+ *  other would drift together. */
 static void tell_time(struct fsn_igh *bus) {
     const uint64_t now_ns = fsn_clock_ns(CLOCK_MONOTONIC);
     if (bus->app_set_ns == 0) {
-        /* SYNC0 comes a whole number of cycles after the first time: with that it is as with SOEM.
-         */
+        /* SYNC0 is a whole number of cycles after the first time: this makes it the same as with
+         * SOEM. */
         const uint64_t first_ns = fsn_clock_ns(CLOCK_REALTIME) - epoch_ns;
         bus->app_ns = first_ns - first_ns % bus->cycle_ns;
     } else {

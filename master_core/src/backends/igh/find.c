@@ -27,7 +27,7 @@ static bool is_read(const ec_slave_info_t *slave) {
     return slave->vendor_id != 0 || slave->product_code != 0;
 }
 
-/* A signal that ends the call is not an empty place. */
+/* If a signal interrupts the call, the place is not empty. */
 bool igh_slave(const struct fsn_igh *bus, uint16_t ring, ec_slave_info_t *slave) {
     int result = -EINTR;
     for (int tries = 0; result == -EINTR && tries < MOST_TRIES; tries++) {
@@ -36,7 +36,8 @@ bool igh_slave(const struct fsn_igh *bus, uint16_t ring, ec_slave_info_t *slave)
     return result == 0;
 }
 
-/* IgH attaches its configurations by vendor and product code alone; the revision is ours to see. */
+/* IgH attaches its configurations by vendor and product code alone; the revision is checked
+ * here. */
 bool igh_note_identity(struct fsn_igh *bus, struct igh_node *node, const ec_slave_info_t *slave) {
     char detail[FSN_DETAIL_BYTES];
     pthread_mutex_lock(&bus->all.lock);
@@ -121,8 +122,8 @@ static fsn_status match(struct fsn_igh *bus, unsigned slave_count, struct fsn_fa
     return first;
 }
 
-/** Reserves the master. From here until activation IgH does not scan, so this follows after all
- *  SubDevices are found. */
+/** Reserves the master. From here until activation IgH does not scan, so all SubDevices must be
+ *  found before. */
 static fsn_status reserve(struct fsn_igh *bus, struct fsn_fault *fault) {
     int result = -EINTR;
     for (int tries = 0; result == -EINTR && tries < MOST_TRIES; tries++) {
@@ -158,7 +159,7 @@ static fsn_status wait_for_preop(struct fsn_igh *bus, struct igh_node *node,
     return fsn_node_refuse(fault, FSN_E_BUS_STATE, &node->known);
 }
 
-/** Finds all by a scan that was over before and after. */
+/** Finds all by a scan that was complete before and after. */
 static fsn_status match_scanned(struct fsn_igh *bus, struct fsn_fault *fault) {
     fsn_status status = FSN_OK;
     ec_master_info_t after = {.scan_busy = 1};

@@ -106,7 +106,7 @@ static int by_place(const void *a, const void *b) {
     return (x->image_byte > y->image_byte) - (x->image_byte < y->image_byte);
 }
 
-/** One area, hence one datagram, for each sync manager that has a place. */
+/** One area, hence one datagram, for each sync manager with a place. */
 static fsn_status make_areas(struct fsn_igh *bus) {
     const fsn_status status = fsn_image_create(bus->all.plan, FSN_MAX_DATAGRAM_BYTES, &bus->image);
     if (status != FSN_OK) {
@@ -153,7 +153,7 @@ static fsn_status configure_all(struct fsn_igh *bus, struct fsn_fault *fault) {
         bus->uses_time = bus->uses_time || node->known.info.assign_activate != 0;
     }
     if (bus->uses_time && bus->dc_every == 0) {
-        bus->dc_every = 1; /* SYNC0 without a common time would be anywhere in the cycle */
+        bus->dc_every = 1; /* without a common time, SYNC0 would be anywhere in the cycle */
     }
     bus->uses_time = bus->dc_every > 0;
     return FSN_OK;

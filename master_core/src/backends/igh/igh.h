@@ -1,13 +1,13 @@
 /** IgH EtherCAT Master through ecrt.h: a kernel module owns the wire and the AL states.
  *
- *  One domain per sync manager, so that each has a datagram and a working counter of its own: 1 if
- *  its SubDevice took part, else 0. The bytes of a domain are those of the datagram, so the image
- *  is separate memory: inputs are copied into it whole if their working counter is correct, else
- *  not at all.
+ *  There is one domain per sync manager, so that each has its own datagram and working counter: 1
+ *  if its SubDevice took part, otherwise 0. The bytes of a domain are those of the datagram, so the
+ *  image is separate memory: inputs are copied into it only if their working counter is correct.
  *
  *  The attached state of the configurations ("online") does not describe the cycle: whenever the
  *  number of answering SubDevices changes, IgH scans all of them again and detaches every
- *  configuration meanwhile, while process data continues. The working counters judge the cycle. */
+ *  configuration in the meantime, while process data continue. The working counters judge the
+ *  cycle. */
 #ifndef FSN_IGH_INTERNAL_H
 #define FSN_IGH_INTERNAL_H
 
@@ -31,20 +31,20 @@ enum igh_register { IGH_REG_NONE, IGH_REG_AL, IGH_REG_ERRORS, IGH_REG_CONTROL };
 /** A SubDevice of the plan. */
 struct igh_node {
     struct fsn_node known; /**< first */
-    uint16_t ring;         /**< its position on the ring, of the last scan */
+    uint16_t ring;         /**< its position on the ring in the last scan */
     ec_slave_config_t *config;
     ec_reg_request_t
-        *request; /**< NULL if IgH gives none: without it, codes and counters are missing */
+        *request; /**< NULL if IgH provides none: without it, codes and counters are missing */
     enum igh_register requested;
     bool coe;              /**< it answered an SDO */
     bool address_readable; /**< its FSoE address was read before the cycle began */
-    bool checked;          /**< since it was found last: identity and FSoE address */
-    bool left;             /**< it was seen outside OP since it was to leave it */
-    /** 1 while process data is exchanged with it; 0 after it was lost, until `checked`. */
+    bool checked;          /**< identity and FSoE address were checked since it was last found */
+    bool left;             /**< it was outside OP after it was requested to leave it */
+    /** 1 while process data are exchanged with it; 0 after it was lost, until `checked`. */
     _Atomic uint8_t admitted;
-    /** Cycles in a row without a working counter in any of its domains; counted by the cycle. */
+    /** Consecutive cycles without a working counter in any of its domains; counted by the cycle. */
     _Atomic uint32_t silent;
-    bool answered; /**< in this cycle; of the cyclic thread */
+    bool answered; /**< in this cycle; written by the cyclic thread */
 };
 
 /** A sync manager with a place in the image, and its domain. */
@@ -52,7 +52,7 @@ struct igh_area {
     uint32_t sm, node;
     uint32_t image_byte, size_bytes;
     bool output;
-    bool queued; /**< in the last send(): otherwise its domain is of an earlier cycle */
+    bool queued; /**< in the last send(): otherwise its domain is from an earlier cycle */
     bool complete;
     ec_domain_t *domain;
     uint8_t *data;
@@ -68,24 +68,24 @@ struct fsn_igh {
     struct fsn_image image;
     uint8_t *bytes; /**< the image */
     struct fsn_nodes all;
-    struct igh_node *nodes; /**< those of `all` */
+    struct igh_node *nodes; /**< the nodes of `all` */
     struct igh_area *areas; /**< in the order of the image */
     uint32_t area_count;
 
-    /* Of the cyclic thread. */
+    /* Used by the cyclic thread. */
     uint32_t dc_left;
     bool sent, dc_requested;
     bool uses_time;      /**< a SubDevice needs the application time */
     uint64_t app_ns;     /**< time of the application in the last send() */
     uint64_t app_set_ns; /**< CLOCK_MONOTONIC of that */
 
-    /* Of the acyclic side. */
+    /* Used by the acyclic side. */
     uint64_t poll_ns, reset_ns;
     uint8_t goal;
     bool all_there;
 };
 
-/** Notes a text about a node; printf-like. */
+/** Stores a note about a node; printf-like. */
 #define igh_note(bus, node, ...) fsn_node_note(&(bus)->all, &(node)->known, __VA_ARGS__)
 
 /* Finding (find.c). */
@@ -98,7 +98,7 @@ bool igh_slave(const struct fsn_igh *bus, uint16_t ring, ec_slave_info_t *slave)
 /** Ring position of the planned SubDevice, by the last scan; false: no device there. */
 bool igh_ring_of(const struct fsn_igh *bus, const struct fsn_subdevice_info *info,
                  unsigned slave_count, uint16_t *ring);
-/** Notes the device at the place of a node; returns whether it is the planned one. */
+/** Stores the device at the place of a node; returns whether it is the planned one. */
 bool igh_note_identity(struct fsn_igh *bus, struct igh_node *node, const ec_slave_info_t *slave);
 
 /* Configuring (configure.c). */
@@ -113,7 +113,7 @@ fsn_status igh_configure(struct fsn_igh *bus, struct igh_node *node);
  *  @param[out] readable  whether it could be read. */
 fsn_status igh_check_address(struct fsn_igh *bus, struct igh_node *node, bool *readable);
 
-/* Process data of one SubDevice against the plan (pdo.c). */
+/* Compares process data of one SubDevice with the plan (pdo.c). */
 fsn_status igh_check_pdos(struct fsn_igh *bus, struct igh_node *node);
 
 /* The cycle (cycle.c). */
@@ -128,12 +128,12 @@ extern const struct fsn_bus_acyclic igh_acyclic;
 
 /* Shared (igh.c). */
 
-/** Gives the master back. */
+/** Releases the master. */
 void igh_release(struct fsn_igh *bus);
 
 /** Refuses because a call of ecrt.h failed. */
 fsn_status igh_refuse_call(struct fsn_fault *fault, int error, const char *rule);
-/** How its objects are reached. */
+/** Access to its objects. */
 struct fsn_objects igh_objects(struct fsn_igh *bus, const struct igh_node *node);
 
 #endif

@@ -1,7 +1,6 @@
-/** Compares process data of a SubDevice with the plan: from its objects if it has CoE, else from
- *  the SII as read by IgH. It is checked here, since IgH itself only warns in the kernel log and
- *  continues.
- */
+/** Compares process data of a SubDevice with the plan: from its objects if it has CoE, otherwise
+ *  from the SII as read by IgH. It is checked here because IgH itself only prints a warning in the
+ *  kernel log and continues. */
 #include "backends/igh/igh.h"
 
 #include "live/pdo.h"

@@ -9,8 +9,8 @@
 #include "live/sdo.h"
 
 enum {
-    VISIT_PREOP_MS = 3000, /**< for all together */
-    LEAST_MS = 20,         /**< for each, whatever the others took */
+    VISIT_PREOP_MS = 3000, /**< for all of them together */
+    LEAST_MS = 20,         /**< for each one, whatever time the others took */
     REG_DL = 0x0110,
     REG_ERRORS = 0x0300,
     ERROR_BYTES = 20,
@@ -20,7 +20,7 @@ enum {
     STATE_BITS = 0x0F,
 };
 
-/** The mailbox of one SubDevice. */
+/** Context of the mailbox of one SubDevice. */
 struct whose {
     struct fsn_soem *bus;
     uint16_t slave;
@@ -53,7 +53,7 @@ static uint32_t soem_place(void *context, uint32_t subdevice) {
     return bus->nodes[subdevice].slave - 1u;
 }
 
-/** Ports that it has, by 0x0007: two bits each, 2 and 3 mean that it can be used. */
+/** Its ports, from 0x0007: two bits each; 2 and 3 mean that the port is usable. */
 static uint8_t ports_of(uint8_t types) {
     uint8_t ports = 0;
     for (unsigned port = 0; port < FSN_PORTS; port++) {
@@ -98,7 +98,7 @@ static fsn_status soem_member(void *context, uint32_t position, struct fsn_bus_m
     }
     m->errors_known = true;
     for (unsigned port = 0; port < FSN_PORTS; port++) {
-        /* Communication on the port, as the odd bits of 0x0111 show. */
+        /* Communication on the port, from the odd bits of 0x0111. */
         m->link[port] = (links[1] >> (2 * port + 1) & 1) != 0;
         m->rx_errors[port] = errors[2 * port];
         m->link_lost[port] = errors[LINK_LOST + port];
@@ -119,7 +119,7 @@ static bool mailbox_send(void *context, const uint8_t *message) {
     const struct whose *w = context;
     ec_mbxbuft old;
     soem_drain(w->bus);
-    (void)ecx_mbxreceive(&w->bus->context, w->slave, &old, 0); /* the answer to something before */
+    (void)ecx_mbxreceive(&w->bus->context, w->slave, &old, 0); /* an outdated answer */
     return ecx_mbxsend(&w->bus->context, w->slave, (ec_mbxbuft *)(uintptr_t)message,
                        EC_TIMEOUTTXM) > 0;
 }
@@ -244,7 +244,7 @@ static fsn_status soem_sii_write(void *context, uint32_t position, uint32_t offs
 
 /* -- without a plan ------------------------------------------------------------------------- */
 
-/** Requests PREOP of all; the AL status shows which one does not get there. */
+/** Requests PREOP of all; the AL status shows which ones do not reach it. */
 static void reach_preop(struct fsn_soem *bus) {
     unsigned left_ms = VISIT_PREOP_MS;
     for (int s = 1; s <= bus->slave_count; s++) {
@@ -269,7 +269,7 @@ static fsn_status soem_visit(void *context, bool *states_changed, struct fsn_fau
     fsn_status status = soem_take_interfaces(bus, fault);
     status = status != FSN_OK ? status : soem_open_nic(bus, fault);
     if (status == FSN_OK) {
-        *states_changed = true; /* SOEM brings all to INIT before it requests more */
+        *states_changed = true; /* SOEM brings all to INIT before it requests a higher state */
         status = soem_find(bus, fault);
     }
     if (status != FSN_OK) {

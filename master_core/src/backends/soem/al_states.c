@@ -8,15 +8,15 @@
 enum {
     STATES_NS = 5000000,   /**< between two polls of all states */
     SEARCH_NS = 50000000,  /**< between two searches for lost SubDevices */
-    LINKS_NS = 20000000,   /**< between two SubDevices whose link counters are read */
-    RETRY_NS = 1000000000, /**< after something was refused */
+    LINKS_NS = 20000000,   /**< between reading the link counters of two SubDevices */
+    RETRY_NS = 1000000000, /**< after a refusal */
     QUIET_POLLS = 2,       /**< polls without an answer until a SubDevice counts as lost */
     LINK_BYTES = 20,       /**< 0x0300 … 0x0313 */
     REG_LINK_LOST = 0x10,  /**< from 0x0300 on */
     STATE_BITS = 0x0F,
 };
 
-/** For a state that was requested: most take milliseconds, some drives 3 s. */
+/** Timeout for a requested state: most take milliseconds, some drives 3 s. */
 static const uint64_t patience_ns = 4000000000u;
 
 /* -- polling -------------------------------------------------------------------------------- */
@@ -30,7 +30,7 @@ static void note_state(struct fsn_soem *bus, struct node *node, uint16_t status,
     pthread_mutex_unlock(&bus->all.lock);
 }
 
-/** Which link is down: that of the nearest SubDevice before it that still answers. */
+/** The link that is down: that of the nearest preceding SubDevice that still answers. */
 static void note_loss(struct fsn_soem *bus, struct node *node) {
     uint16_t before = bus->slaves[node->slave].parent;
     while (before != 0 && bus->places[before].al_status == 0) {
@@ -51,7 +51,7 @@ static void note_loss(struct fsn_soem *bus, struct node *node) {
     const bool known = ecx_FPRD(bus->context.port, bus->slaves[before].configadr, ECT_REG_DLSTAT,
                                 sizeof links, &links, EC_TIMEOUTRET) == 1;
     if (!known && node->known.seen.found == FSN_FOUND_NOTHING) {
-        return; /* the last note stays, until its links are known */
+        return; /* the last note stays until its links are known */
     }
     links = etohs(links);
     unsigned port = 0;
@@ -82,11 +82,11 @@ static void lose(struct fsn_soem *bus, uint16_t slave) {
     node->requested = 0;
     node->known.away = node->known.was_in_op;
     if (node->known.info.assign_activate != 0) {
-        node->configured = false; /* its clock runs free meanwhile: restart below OP */
+        node->configured = false; /* its clock runs free in the meantime: restart below OP */
     }
     note_state(bus, node, 0, 0);
     if (node->group != FSN_NONE) {
-        node->taken_in = false; /* whoever answers next is identified first */
+        node->taken_in = false; /* the next device that answers is identified first */
     } else if (node->known.seen.found != FSN_FOUND_NOTHING &&
                node->known.seen.found != FSN_FOUND_IDENTITY) {
         note_loss(bus, node);
@@ -109,8 +109,8 @@ static void see(struct fsn_soem *bus, uint16_t slave, uint16_t status, uint16_t 
                               memory_order_relaxed);
     }
     if (!answers) {
-        /* One answer can be lost with its frame: only several in a row mean that the SubDevice
-         * is gone. */
+        /* One answer can be lost with its frame: only several consecutive ones mean that the
+         * SubDevice is missing. */
         place->quiet = (uint8_t)(place->quiet < QUIET_POLLS ? place->quiet + 1 : QUIET_POLLS);
         if (place->quiet >= QUIET_POLLS) {
             lose(bus, slave);
@@ -123,7 +123,7 @@ static void see(struct fsn_soem *bus, uint16_t slave, uint16_t status, uint16_t 
     if (place->node != SOEM_NO_NODE) {
         struct node *node = &bus->nodes[place->node];
         note_state(bus, node, status, code);
-        /* A SubDevice that was in OP and is not is away until OP is reached again. */
+        /* A SubDevice that was in OP and has left it counts as away until it reaches OP again. */
         node->known.away = node->known.was_in_op && (node->known.away || status != FSN_AL_OP);
         if (node->known.seen.found == FSN_FOUND_NOTHING) {
             soem_note(bus, node, FSN_FOUND_RIGHT, "%s", "");
@@ -171,7 +171,7 @@ static void poll_states(struct fsn_soem *bus) {
     }
 }
 
-/** In a ring a lost link has no effect yet, but the next one would: it is reported at the
+/** In a ring a lost link has no effect yet, but the next one would: it is reported for the
  *  SubDevices on both sides of the gap. */
 static void note_gap(struct fsn_soem *bus, struct node *node) {
     const bool open = bus->ring.ring.state > FSN_RING_CLOSED;
@@ -190,8 +190,8 @@ static void note_gap(struct fsn_soem *bus, struct node *node) {
     }
 }
 
-/** Links and counters of one SubDevice after the other; of a lost one, where it is cut off by now:
- *  one gap may hide another, and the first frames that are lost show neither. */
+/** Reads links and counters of one SubDevice after another. For a lost one, determines where it is
+ *  cut off now: one gap may hide another, and the first lost frames show neither. */
 static void poll_links(struct fsn_soem *bus) {
     bus->next_link = (uint16_t)(bus->next_link >= bus->slave_count ? 1 : bus->next_link + 1);
     const struct place *place = &bus->places[bus->next_link];
@@ -257,7 +257,7 @@ static uint8_t above(uint8_t state) {
     return state == FSN_AL_INIT ? FSN_AL_PREOP : (uint8_t)(2 * state);
 }
 
-/** One step of one SubDevice upwards. */
+/** One step of one SubDevice towards a higher state. */
 static void lift(struct fsn_soem *bus, struct node *node, uint8_t state, uint64_t now_ns) {
     if (state == FSN_AL_INIT || state == FSN_AL_BOOT) {
         node->configured = false;
@@ -273,18 +273,18 @@ static void lift(struct fsn_soem *bus, struct node *node, uint8_t state, uint64_
     }
     if (state == FSN_AL_SAFEOP && !node->configured) {
         request_state(bus, node, FSN_AL_PREOP,
-                      now_ns); /* it came back without losing power: restart everything */
+                      now_ns); /* it returned without losing power: restart everything */
         return;
     }
     request_state(bus, node, above(state), now_ns);
 }
 
-/** Returns whether the SubDevice is where it shall be. */
+/** Returns whether the SubDevice is in the required state. */
 static bool bring_to(struct fsn_soem *bus, struct node *node, uint8_t goal, uint64_t now_ns) {
     const struct place *place = &bus->places[node->slave];
     const uint8_t state = place->al_status & STATE_BITS;
     const bool error = (place->al_status & EC_STATE_ERROR) != 0;
-    /* Also without a request: SubDevices are found in the state that a former process has left. */
+    /* Even without a request: SubDevices may be in the state left by an earlier process. */
     if (state == goal && !error) {
         if (goal == FSN_AL_OP) {
             fsn_node_note_op(&bus->all, &node->known);
@@ -302,16 +302,16 @@ static bool bring_to(struct fsn_soem *bus, struct node *node, uint8_t goal, uint
         }
         return false;
     }
-    /* The device has refused: its AL status code is read before another try. */
+    /* The device has refused: its AL status code is read before another attempt. */
     if (node->requested != 0 && error && state != node->requested) {
         give_up(bus, node, now_ns);
         return false;
     }
-    /* A device that refuses at once must not be asked in each poll. */
+    /* A device that refuses immediately must not be asked in each poll. */
     if (now_ns < node->known.retry_ns) {
         return false;
     }
-    /* Down to the goal in one step; up only through each state in its order. */
+    /* Down to the goal in one step; up only through each state in order. */
     if (state > goal) {
         request_state(bus, node, goal, now_ns);
     } else if (error) {
@@ -341,7 +341,7 @@ bool soem_poll(void *context, uint8_t al_state, uint64_t now_ns) {
     poll_states(bus);
     soem_watch_groups(bus);
     soem_keep_reference(bus);
-    bool all = true; /* who is missing has left OP as well */
+    bool all = true; /* missing SubDevices have also left OP */
     for (uint32_t n = 0; n < bus->all.count; n++) {
         struct node *node = &bus->nodes[n];
         if (bus->places[node->slave].al_status != 0) {
@@ -351,7 +351,7 @@ bool soem_poll(void *context, uint8_t al_state, uint64_t now_ns) {
             all = all && (al_state != FSN_AL_OP || soem_is_excused(bus, node));
         }
     }
-    /* The search reads registers of the whole ring, so that it runs now and then only. */
+    /* The search reads registers of the whole ring, so it runs only at intervals. */
     if (is_anybody_lost(bus) && now_ns >= bus->search_ns) {
         (bus->group_count > 0 ? soem_search_groups : soem_search)(bus);
         bus->search_ns = now_ns + SEARCH_NS;
@@ -362,7 +362,7 @@ bool soem_poll(void *context, uint8_t al_state, uint64_t now_ns) {
         poll_links(bus);
         bus->links_ns = now_ns + LINKS_NS;
     }
-    /* Polled again at once while a SubDevice is on its way, so that the start is not slowed
+    /* Polled again immediately while a SubDevice changes its state, so that the start is not slowed
      * down. */
     bus->states_ns = all ? now_ns + STATES_NS : 0;
     bus->all_there = all;

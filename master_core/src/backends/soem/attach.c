@@ -1,4 +1,5 @@
-/** A bus that another process has brought to OP: described by that one, attached to by the next. */
+/** A bus that another process has brought to OP: described by that process, attached to by the next
+ *  one. */
 #define _GNU_SOURCE
 
 #include "backends/soem/soem.h"
@@ -9,13 +10,14 @@
 
 #include "live/port.h"
 
-/** State that one process hands to the next. Both must have the same SOEM, or it is refused. */
+/** State passed from one process to the next. Both must have the same SOEM version, otherwise it is
+ *  rejected. */
 struct description {
     uint32_t slave_bytes, slave_count;
     uint32_t dc_station, dc_every;
     uint64_t dc_base;
     char redundant[SOEM_NAME_BYTES];
-    ec_slavet slaves[]; /**< slave_count and one */
+    ec_slavet slaves[]; /**< slave_count plus one */
 };
 
 static size_t bytes_of(size_t slaves) {
@@ -65,7 +67,7 @@ void soem_discard(void *context) {
     }
 }
 
-/** Gives each node of the plan the SubDevice at its place, which the process before has read. */
+/** Assigns each node of the plan the SubDevice at its place, as read by the predecessor. */
 static fsn_status match(struct fsn_soem *bus, struct fsn_fault *fault) {
     char detail[FSN_DETAIL_BYTES];
     for (int s = 0; s <= bus->slave_count; s++) {

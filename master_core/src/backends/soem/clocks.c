@@ -1,4 +1,5 @@
-/** Distributed clocks: set at the start, watched while the bus runs, set again for who returns. */
+/** Distributed clocks: set at the start, monitored while the bus runs, set again for returning
+ *  SubDevices. */
 #define _POSIX_C_SOURCE 200809L
 
 #include "backends/soem/soem.h"
@@ -13,15 +14,15 @@ enum {
     LOOP_DEFAULT = 0x1000,
     READING_BYTES = 6,   /**< 0x092C, followed by 0x0930, which is not zero */
     BATCH = 100,         /**< frames with the time between two checks of the differences */
-    STEADY = 10,         /**< checks in a row: a clock without the time may cross the window */
-    MOST_FRAMES = 15000, /**< of one try; this many compensate a quartz */
+    STEADY = 10,         /**< consecutive checks: a clock without the time may cross the window */
+    MOST_FRAMES = 15000, /**< of one attempt; this number compensates a quartz */
     TRIES = 3,
     SYNC_DELAY_NS = 100000000, /**< until the first pulse, while the start is written */
     WATCH_NS = 100000000,
-    CALM = 30, /**< checks in a row, 3 s: also where clocks cross the window repeatedly */
+    CALM = 30, /**< consecutive checks, 3 s: covers clocks that cross the window repeatedly */
     SETTLE_NS = 5000000,
     SETTLE_LOOKS = 100,
-    NOBODY = 0xFFFE, /**< station while no clock shows the time: then it continues from here */
+    NOBODY = 0xFFFE, /**< station if no clock shows the time: it then continues from here */
 };
 
 static const uint64_t try_ns = 2000000000u;
@@ -47,7 +48,7 @@ static uint16_t reference(const struct fsn_soem *bus) {
 
 /* -- differences ---------------------------------------------------------------------------- */
 
-/** Those with SYNC0 count; without any, all of the plan that have a clock. */
+/** Only clocks with SYNC0 count; if there are none, all clocks of the plan. */
 static bool counts(const struct fsn_soem *bus, uint16_t slave, uint16_t of) {
     const struct node *node = node_at(bus, slave);
     return node != NULL && slave != of && bus->slaves[slave].hasdc &&
@@ -55,8 +56,9 @@ static bool counts(const struct fsn_soem *bus, uint16_t slave, uint16_t of) {
 }
 
 /** Reads how far clocks are from the reference.
- *  @param[in] running  only who is in SAFEOP or OP.
- *  @return the SubDevice that is furthest away or does not answer; 0: all are in the window. */
+ *  @param[in] running  only SubDevices in SAFEOP or OP.
+ *  @return the SubDevice with the largest difference or without an answer; 0: all are in the
+ *        window. */
 static uint16_t look(struct fsn_soem *bus, uint16_t of, bool running, struct fsn_bus_clocks *c) {
     uint16_t worst = 0;
     c->subdevices = c->outside = c->worst_ns = 0;
@@ -72,7 +74,7 @@ static uint16_t look(struct fsn_soem *bus, uint16_t of, bool running, struct fsn
                 (running && ((bus->places[slave].al_status & 0x0F) < FSN_AL_SAFEOP || !answers))) {
                 continue;
             }
-            /* Which sign the highest bit means is not the same in all controllers. */
+            /* The meaning of the highest bit as a sign differs between controllers. */
             const uint32_t apart = answers ? fsn_get32(values[i]) & INT32_MAX : INT32_MAX;
             c->subdevices++;
             c->outside += apart > c->window_ns;
@@ -101,7 +103,7 @@ static bool read_base(struct fsn_soem *bus, uint16_t station) {
     return false;
 }
 
-/** Distributes the time until all show it. Returns who does not; 0: all do. */
+/** Distributes the time until all show it. Returns a SubDevice that does not; 0: all do. */
 static uint16_t compensate(struct fsn_soem *bus, uint16_t of) {
     const uint16_t station = bus->slaves[of].configadr;
     const uint64_t end_ns = fsn_clock_ns(CLOCK_MONOTONIC) + try_ns;
@@ -133,7 +135,7 @@ static void believe_no_missing_link(struct fsn_soem *bus) {
     for (int s = 1; s <= bus->slave_count; s++) {
         ec_slavet *slave = &bus->slaves[s];
         if (slave->activeports == 0) {
-            slave->activeports = 1; /* port 0, where frames come in */
+            slave->activeports = 1; /* port 0, where frames arrive */
             slave->topology = 1;
         }
     }
@@ -149,7 +151,7 @@ static fsn_status refuse(struct fsn_soem *bus, uint16_t slave, struct fsn_fault 
     return fsn_node_refuse(fault, FSN_E_BUS_CLOCK, &node->known);
 }
 
-/** Whether the plan needs clocks, and each SubDevice that does has one. */
+/** Whether the plan needs clocks, and each SubDevice that needs one has one. */
 static fsn_status need(struct fsn_soem *bus, struct fsn_fault *fault) {
     fsn_status status = FSN_OK;
     bus->dc_needed = false;
@@ -199,8 +201,8 @@ fsn_status soem_start_clocks(struct fsn_soem *bus, struct fsn_fault *fault) {
 
 /* -- one SubDevice -------------------------------------------------------------------------- */
 
-/** Reads both system times and the offset with one frame, whose way is known: nothing else comes in
- *  between. */
+/** Reads both system times and the offset with one frame, whose path is known: nothing else arrives
+ *  in between. */
 static bool read_both(struct fsn_soem *bus, uint16_t station, uint16_t of, uint64_t values[3]) {
     const struct {
         uint16_t station, address;
@@ -270,7 +272,7 @@ static void write_offset(struct fsn_soem *bus, uint16_t slave, uint64_t offset_n
                                         &loop, EC_TIMEOUTRET3) != 1;
 }
 
-/** Sets a clock after the reference. */
+/** Sets a clock that follows the reference on the ring. */
 static void set_after(struct fsn_soem *bus, uint16_t slave, uint16_t of) {
     const ec_slavet *s = &bus->slaves[slave];
     uint64_t values[3];
@@ -280,7 +282,7 @@ static void set_after(struct fsn_soem *bus, uint16_t slave, uint16_t of) {
     }
 }
 
-/** Sets a clock to the time that is expected here: no other clock has it any longer. */
+/** Sets a clock to the time that is expected here, because no other clock has it any longer. */
 static void set_here(struct fsn_soem *bus, uint16_t slave) {
     const uint16_t station = bus->slaves[slave].configadr;
     uint64_t values[3];
@@ -292,7 +294,7 @@ static void set_here(struct fsn_soem *bus, uint16_t slave) {
     }
 }
 
-/** The first SubDevice with a clock that answers, and has the time; 0: none. */
+/** The first SubDevice with a clock that answers and has the time; 0: none. */
 static uint16_t first_clock(const struct fsn_soem *bus, bool set) {
     for (uint16_t s = 1; s <= bus->slave_count; s++) {
         const struct place *place = &bus->places[s];
@@ -344,8 +346,8 @@ fsn_status soem_set_clock(struct fsn_soem *bus, struct node *node) {
     for (int tries = 0; tries < TRIES && of != 0 && of != node->slave; tries++) {
         set_after(bus, node->slave, of);
         if (!place->unset) {
-            /* A clock before the reference becomes the next reference: no SubDevice before it gets
-             * its time. */
+            /* A clock before the reference becomes the next reference: SubDevices before it do not
+             * get its time. */
             soem_keep_reference(bus);
             break;
         }
@@ -358,7 +360,7 @@ fsn_status soem_set_clock(struct fsn_soem *bus, struct node *node) {
         return FSN_E_BUS_CLOCK;
     }
     if (reference(bus) == node->slave) {
-        pause_ns(3 * bus->cycle_ns * bus->dc_every); /* until it has given its time */
+        pause_ns(3 * bus->cycle_ns * bus->dc_every); /* until it has distributed its time */
         return FSN_OK;
     }
     if (settles(bus, node)) {
@@ -369,7 +371,7 @@ fsn_status soem_set_clock(struct fsn_soem *bus, struct node *node) {
     return FSN_E_BUS_CLOCK;
 }
 
-/** Writes registers of the clock unit; false: not taken. */
+/** Writes registers of the clock unit; false if they were not accepted. */
 static bool put(struct fsn_soem *bus, uint16_t station, uint16_t address, const uint8_t *bytes,
                 uint16_t size) {
     return ecx_FPWR(bus->context.port, station, address, size, (void *)(uintptr_t)bytes,
@@ -403,7 +405,7 @@ static bool start_pulses(struct fsn_soem *bus, const struct node *node) {
            put(bus, station, ECT_REG_DCSTART0, start, sizeof start) &&
            put(bus, station, ECT_REG_DCCUC, word, sizeof word) &&
            soem_read_surely(bus, node->slave, ECT_REG_DCSYSTIME, &now, sizeof now) &&
-           /* else this machine was too slow, and it would not pulse before its time wraps */
+           /* otherwise this machine was too slow, and it would not pulse before its time wraps */
            (uint32_t)(etohll(now) - shown) < first - time;
 }
 
@@ -448,17 +450,17 @@ static void judge(struct fsn_soem *bus, uint16_t of, struct fsn_bus_clocks *c) {
 void soem_watch_clocks(struct fsn_soem *bus, uint64_t now_ns) {
     const struct fsn_wire *wire = &bus->frames.wire;
     const uint64_t seen = atomic_load(&wire->dc_seen);
-    if (seen == 0 || now_ns < bus->clocks_ns) { /* no clocks are in use, or none was read yet */
+    if (seen == 0 || now_ns < bus->clocks_ns) { /* no clocks in use, or none has been read yet */
         return;
     }
     const uint64_t period_ns = 2 * bus->cycle_ns * bus->dc_every;
     bus->clocks_ns = now_ns + (period_ns > WATCH_NS ? period_ns : WATCH_NS);
-    struct fsn_bus_clocks c = bus->clocks; /* this thread alone writes it */
+    struct fsn_bus_clocks c = bus->clocks; /* only this thread writes it */
     const uint16_t of = reference(bus);
     c.lead_ns = (uint32_t)(bus->cycle_ns - seen % bus->cycle_ns);
     if (of != 0 && seen != bus->clocks_seen) {
         judge(bus, of, &c);
-    } else { /* no frame has brought its time since */
+    } else { /* no frame has carried its time since */
         bus->clocks_calm = 0;
         c.subdevices = c.outside = c.worst_ns = 0;
         c.state = FSN_CLOCKS_LOST;

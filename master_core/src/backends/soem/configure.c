@@ -1,4 +1,4 @@
-/** From PREOP to where SAFEOP can be requested. */
+/** Configures a SubDevice from PREOP to the point where SAFEOP can be requested. */
 #include "backends/soem/soem.h"
 
 #include <string.h>
@@ -53,8 +53,8 @@ static bool write_register(struct fsn_soem *bus, const struct node *node, uint16
                     (void *)(uintptr_t)data, EC_TIMEOUTRET3) == 1;
 }
 
-/** Whether registers have these bytes already; of a sync manager without its status and PDI byte.
- */
+/** Whether registers already have these bytes; for a sync manager, without its status and PDI
+ *  byte. */
 static bool same_register(struct fsn_soem *bus, const struct node *node, uint16_t address,
                           const uint8_t *data, uint16_t size) {
     uint8_t found[MOST_FMMUS * FMMU_BYTES] = {0};
@@ -68,7 +68,7 @@ static bool same_register(struct fsn_soem *bus, const struct node *node, uint16_
     return memcmp(found, data, size) == 0;
 }
 
-/** Start address by the SII, length by the plan. */
+/** Start address from the SII, length from the plan. */
 static fsn_status use_sm(struct fsn_soem *bus, struct node *node, uint32_t sm, uint16_t *physical,
                          use_fn use) {
     const struct fsn_sm_record r = fsn_read_sm(bus->all.plan, sm);
@@ -110,7 +110,7 @@ static void fill_fmmu(uint8_t *bytes, uint32_t logical, uint32_t size, uint16_t 
     bytes[12] = 1;
 }
 
-/** Sync managers and one FMMU for each that has a place in the image. */
+/** Configures sync managers and one FMMU for each that has a place in the image. */
 static fsn_status use_layout(struct fsn_soem *bus, struct node *node, use_fn use) {
     uint8_t fmmus[MOST_FMMUS * FMMU_BYTES] = {0};
     uint8_t available = 0;
@@ -178,7 +178,7 @@ fsn_status soem_configure(struct fsn_soem *bus, struct node *node) {
         }
     }
     ecx_eeprom2pdi(&bus->context, node->slave);
-    /* At the start all clocks were set together. */
+    /* At the start, all clocks were set together. */
     fsn_status clocked = bus->goal != 0 ? soem_set_clock(bus, node) : FSN_OK;
     clocked = clocked != FSN_OK ? clocked : soem_start_sync(bus, node);
     if (clocked != FSN_OK) {

@@ -48,8 +48,8 @@ static struct identity read_identity(struct fsn_soem *bus, uint16_t slave) {
                              .revision = read_sii(bus, slave, ECT_SII_REV)};
 }
 
-/** Notes the device at a place. Values that could not be read are zero, in any of the three: a
- *  device is another one only if a second search confirms it. */
+/** Stores the device at a place. Values that could not be read are zero in any of the three: a
+ *  device counts as a different one only if a second search confirms it. */
 static fsn_status note_who_answers(struct fsn_soem *bus, struct node *node, uint16_t slave,
                                    struct identity found) {
     char detail[FSN_DETAIL_BYTES];
@@ -94,14 +94,14 @@ static fsn_status nobody(const struct fsn_soem *bus, struct fsn_fault *fault) {
     return FSN_E_BUS_SILENT;
 }
 
-/** Gives each node the device at its place. */
+/** Assigns each node the device at its place. */
 static fsn_status match(struct fsn_soem *bus, struct fsn_fault *fault) {
     fsn_status first = FSN_OK;
     for (uint32_t n = 0; n < bus->all.count; n++) {
         struct node *node = &bus->nodes[n];
         fsn_status status = FSN_OK;
         if (node->group != FSN_NONE) {
-            continue; /* it may come later */
+            continue; /* it may be attached later */
         }
         node->slave = soem_slave_of(bus, &node->known.info);
         if (node->slave == 0) {
@@ -112,7 +112,7 @@ static fsn_status match(struct fsn_soem *bus, struct fsn_fault *fault) {
             const ec_slavet *s = &bus->slaves[node->slave];
             const struct identity found = {s->eep_man, s->eep_id, s->eep_rev};
             bus->places[node->slave].node = (int)n;
-            node->known.seen.al_status = FSN_AL_INIT; /* where SOEM has brought all */
+            node->known.seen.al_status = FSN_AL_INIT; /* SOEM has brought all to this state */
             status = note_who_answers(bus, node, node->slave, found);
         }
         if (status != FSN_OK && first == FSN_OK) {
@@ -122,7 +122,7 @@ static fsn_status match(struct fsn_soem *bus, struct fsn_fault *fault) {
     return first;
 }
 
-/** Once more when it refuses because the frames that set up its mailbox were lost or late. */
+/** Again if it refuses because the frames that set up its mailbox were lost or late. */
 static bool reach_preop(struct fsn_soem *bus, uint16_t slave) {
     if (soem_reach(bus, slave, FSN_AL_PREOP, PREOP_MS)) {
         return true;
@@ -215,7 +215,7 @@ static bool is_known(const struct fsn_soem *bus, uint16_t station) {
     return false;
 }
 
-/** Whether the device at a position, which has no station address, is the same as before; any other
+/** Whether the device at a position without a station address is the same as before; any other
  *  device is noted and left unchanged. */
 static bool is_same_device(struct fsn_soem *bus, uint16_t slave, uint16_t at) {
     const struct identity found = read_identity(bus, at);
@@ -247,8 +247,8 @@ bool soem_take_back(struct fsn_soem *bus, uint16_t slave, uint16_t at) {
 }
 
 void soem_search(struct fsn_soem *bus) {
-    /* A position is valid only after one that is unchanged: on a line that was cabled differently,
-     * or seen from both ends of a broken ring, positions have another meaning. */
+    /* A position is valid only after an unchanged one: on a line with different cabling, or viewed
+     * from both ends of a broken ring, positions have another meaning. */
     bool before_is_right = true;
     for (uint16_t slave = 1; slave <= bus->slave_count; slave++) {
         uint16_t station;

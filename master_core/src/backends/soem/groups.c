@@ -1,5 +1,5 @@
-/** Groups of SubDevices that may be absent: who has come, by the alias of its first SubDevice, and
- *  who has gone. */
+/** Groups of SubDevices that may be absent: detects attached groups by the alias of the first
+ *  SubDevice, and removed groups. */
 #include "backends/soem/soem.h"
 
 #include <stdio.h>
@@ -9,9 +9,9 @@
 enum {
     STATIONS = 0x2000, /**< station addresses of groups; SOEM's own begin at 0x1001 */
     INIT_MS = 100,
-    OLD_FMMUS = 48, /**< bytes: three, as SOEM clears at its start */
+    OLD_FMMUS = 48, /**< bytes: three FMMUs, as cleared by SOEM at its start */
     OLD_SMS = 32,
-    MAILBOX_OUT = 0x00010026, /**< sync manager flags, as of SOEM */
+    MAILBOX_OUT = 0x00010026, /**< sync manager flags, as in SOEM */
     MAILBOX_IN = 0x00010022,
 };
 
@@ -55,7 +55,7 @@ static bool is_member(const struct fsn_soem *bus, const struct soem_group *group
 }
 
 void soem_set_groups_apart(struct fsn_soem *bus) {
-    uint16_t number[SOEM_MOST_SLAVES] = {0}; /* new number of each, of a group that before it */
+    uint16_t number[SOEM_MOST_SLAVES] = {0}; /* new number of each SubDevice of a group */
     const struct soem_group *of = NULL;      /* that has begun, and its next SubDevice */
     uint32_t next = 0;
     uint16_t kept = 0;
@@ -113,11 +113,11 @@ static uint8_t there_of(const struct fsn_soem *bus, uint32_t group) {
     return atomic_load_explicit(&bus->frames.wire.groups[group].there, memory_order_relaxed);
 }
 
-/** Mailbox data, from the SII; the rest is read when it is configured. */
+/** Mailbox data from the SII; the rest is read during configuration. */
 static void read_mailbox(struct fsn_soem *bus, uint16_t slave) {
     ec_slavet *s = &bus->slaves[slave];
     uint16_t status = 0;
-    bus->context.esislave = 0; /* earlier data no longer counts */
+    bus->context.esislave = 0; /* earlier data are no longer valid */
     (void)ecx_FPRD(bus->context.port, s->configadr, ECT_REG_EEPSTAT, sizeof status, &status,
                    EC_TIMEOUTRET3);
     s->eep_8byte = (etohs(status) & EC_ESTAT_R64) != 0;
@@ -136,8 +136,8 @@ static void read_mailbox(struct fsn_soem *bus, uint16_t slave) {
     s->SM[1] = (ec_smt){htoes(s->mbx_ro), htoes(s->mbx_rl), htoel(MAILBOX_IN)};
 }
 
-/** Takes in the device at a position, as after power-on: it may have just run on another bus, with
- *  the sync managers and FMMUs of that one. */
+/** Adds the device at a position, as after power-on: it may have just run on another bus, with the
+ *  sync managers and FMMUs of that bus. */
 static bool take_in(struct fsn_soem *bus, struct node *node, uint16_t at) {
     static const uint8_t nothing[OLD_FMMUS] = {0};
     ec_slavet *s = &bus->slaves[node->slave];
@@ -168,7 +168,7 @@ static bool take_in(struct fsn_soem *bus, struct node *node, uint16_t at) {
     return true;
 }
 
-/** The present group of the same place; NULL: none. */
+/** The group that is present at the same place; NULL: none. */
 static const struct soem_group *rival(const struct fsn_soem *bus, const struct soem_group *group) {
     for (uint32_t g = 0; g < bus->group_count && group->info.place[0] != 0; g++) {
         const struct soem_group *other = &bus->groups_of_plan[g];
@@ -180,8 +180,8 @@ static const struct soem_group *rival(const struct fsn_soem *bus, const struct s
     return NULL;
 }
 
-/** Identifies a group whose first SubDevice is at a position, and takes it in; a difference from
- *  the plan is noted at its first SubDevice, which is left unchanged. */
+/** Identifies a group whose first SubDevice is at a position, and adds it. A difference from the
+ *  plan is noted at its first SubDevice, which is left unchanged. */
 static void come(struct fsn_soem *bus, uint32_t number, uint16_t at) {
     struct soem_group *group = &bus->groups_of_plan[number];
     const struct soem_group *other = rival(bus, group);
@@ -205,7 +205,7 @@ static void come(struct fsn_soem *bus, uint32_t number, uint16_t at) {
     for (uint32_t m = 0; m < group->info.subdevice_count && all; m++) {
         all = take_in(bus, member(bus, group, m), (uint16_t)(at + m));
     }
-    if (!all) { /* it goes again as it came, with the next poll */
+    if (!all) { /* it is removed again with the next poll */
         snprintf(group->detail, sizeof group->detail, "it does not reach INIT");
     }
 }
@@ -222,7 +222,7 @@ static uint16_t slave_at(const struct fsn_soem *bus, uint16_t station) {
     return 0;
 }
 
-/** Planned neighbour after one of our SubDevices; 0: not known. */
+/** Planned neighbour after one of our SubDevices; 0: unknown. */
 static uint16_t behind(const struct fsn_soem *bus, uint16_t slave) {
     const bool exists = slave < bus->slave_count;
     const int node = bus->places[slave].node;
@@ -232,7 +232,7 @@ static uint16_t behind(const struct fsn_soem *bus, uint16_t slave) {
     return exists && own == other ? (uint16_t)(slave + 1) : 0;
 }
 
-/** Whether a lost SubDevice is at a position again; takes it back. */
+/** Whether a lost SubDevice is at a position again; adds it again. */
 static bool is_back(struct fsn_soem *bus, uint16_t slave, uint16_t at) {
     if (slave == 0 || bus->places[slave].al_status != 0) {
         return false;
@@ -257,10 +257,10 @@ static void note_stranger(struct fsn_soem *bus, uint16_t at, uint16_t alias) {
     }
 }
 
-/** Goes through the line: positions of those that are always there count without the groups. */
+/** Follows the line: positions of the permanent SubDevices count without the groups. */
 static void walk(struct fsn_soem *bus, uint16_t count) {
-    uint16_t next = 1;   /* of those that are always there; 0: not known */
-    uint16_t member = 0; /* of a group that has begun */
+    uint16_t next = 1;   /* next permanent SubDevice; 0: unknown */
+    uint16_t member = 0; /* next SubDevice of a group that has begun */
     for (uint16_t at = 1; at <= count; at++) {
         uint16_t station;
         uint16_t alias;

@@ -1,4 +1,5 @@
-/** Process data of a SubDevice against the plan: its objects where it has CoE, else its SII. */
+/** Compares process data of a SubDevice with the plan: from its objects if it has CoE, otherwise
+ *  from its SII. */
 #include "backends/soem/soem.h"
 
 #include <string.h>

@@ -1,4 +1,4 @@
-/** Both ways of a ring, and the cables where it is open. */
+/** Both directions of a ring, and the cables where it is open. */
 #include <stdio.h>
 
 #include "backends/soem/soem.h"
@@ -48,7 +48,7 @@ static bool read_links(struct fsn_soem *bus, uint16_t links[SOEM_MOST_SLAVES]) {
 static void keep_links(struct fsn_soem *bus) {
     uint16_t links[SOEM_MOST_SLAVES];
     if (!read_links(bus, links)) {
-        return; /* the next time */
+        return; /* try the next time */
     }
     for (int s = 1; s <= bus->slave_count; s++) {
         bus->places[s].had = (uint8_t)links[s];
@@ -93,13 +93,13 @@ void soem_watch_ring(struct fsn_soem *bus, uint64_t now_ns) {
     const struct fsn_ring_end ends[2] = {{bus->interface, fsn_port_has_link(bus->interface)},
                                          {bus->redundant, fsn_port_has_link(bus->redundant)}};
     const struct fsn_ring_counts counts = counts_of(&bus->frames.wire);
-    struct fsn_ring_watch watch = bus->ring; /* this thread alone writes it */
+    struct fsn_ring_watch watch = bus->ring; /* only this thread writes it */
     if (!fsn_ring_judge(&watch, &counts, ends[0].link && ends[1].link)) {
         return;
     }
     if (watch.ring.state > FSN_RING_CLOSED) {
         bus->links_kept = false;
-        /* Links that can no longer be read stay unchanged, until all are lost. */
+        /* Links that can no longer be read keep their last state, until all are lost. */
         if (!fsn_ring_silent(&watch) || watch.ring.place[0] == '\0' || nobody_answers(bus)) {
             find_gaps(bus, ends, watch.ring.place);
         }

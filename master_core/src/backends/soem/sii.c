@@ -14,10 +14,11 @@ static uint16_t word_at(ecx_contextt *context, uint16_t slave, uint32_t at) {
     return (uint16_t)(low | ecx_siigetbyte(context, slave, (uint16)(at + 1)) << 8);
 }
 
-/** SOEM's own search returns to an earlier position when a length makes its 16 bits wrap, and then
- * never ends: one damaged answer is enough. If SOEM is built from source, this function replaces it
- *  (weak.h), for all SII reads of SOEM. Values that could not be read are zeros: a SubDevice that
- *  does not hear its address costs a time-out for each of them, minutes for all that fit. */
+/** SOEM's own search returns to an earlier position if a length makes its 16 bits wrap, and then
+ *  never ends: one damaged answer is sufficient. If SOEM is built from source, this function
+ *  replaces it (weak.h) for all SII reads of SOEM. Values that could not be read are zeros: a
+ *  SubDevice that does not receive its address causes a timeout for each of them, which adds up to
+ *  minutes. */
 int16 ecx_siifind(ecx_contextt *context, uint16 slave, uint16 cat) {
     const bool was_of_device = context->slavelist[slave].eep_pdi != 0;
     int16 found = 0;
@@ -25,7 +26,7 @@ int16 ecx_siifind(ecx_contextt *context, uint16 slave, uint16 cat) {
     for (uint32_t at = CATEGORIES; at + 4 <= EC_MAXEEPBUF && found == 0 && empty < MOST_EMPTY;) {
         const uint16_t type = word_at(context, slave, at);
         if (type == cat) {
-            found = (int16)(at + 2); /* where its length is */
+            found = (int16)(at + 2); /* position of its length */
         } else if (type == END) {
             break;
         }
@@ -46,7 +47,7 @@ uint16_t soem_sii_start(struct fsn_soem *bus, uint16_t slave, uint8_t number) {
     if (number < EC_MAXSM && s->SM[number].StartAddr == 0) {
         ec_eepromSMt sm = {0};
         soem_drain(bus);
-        bus->context.esislave = 0; /* earlier data no longer counts */
+        bus->context.esislave = 0; /* earlier data are no longer valid */
         if (ecx_siiSM(&bus->context, slave, &sm) > 0) {
             for (uint16 n = 0; n < sm.nSM && n < EC_MAXSM; n++) {
                 if (n > 0 && ecx_siiSMnext(&bus->context, slave, &sm, n) == 0) {

@@ -15,7 +15,7 @@ enum { LISTEN_NS = 60000000, MBX_COE = 0x04, WINDOW_NS = 1000 };
 
 /* -- helpers -------------------------------------------------------------------------------- */
 
-/** Here, since every acyclic exchange begins with it, however long they take together. */
+/** Here, because every acyclic exchange begins with it, however long they take together. */
 static void count_foreign(struct fsn_soem *bus) {
     for (size_t i = 0; i < FSN_WIRE_PORTS; i++) {
         if (bus->foreign[i] >= 0) {
@@ -152,8 +152,8 @@ static void set_up_context(struct fsn_soem *bus) {
     };
 }
 
-/** SOEM writes a header once for each of its frames, and the middle of the address when it sends:
- *  this is how it distinguishes its two interfaces. */
+/** SOEM writes a header once for each of its frames, and the middle of the address when it sends;
+ *  this distinguishes its two interfaces. */
 static void sign(struct fsn_soem *bus, ec_bufT *frame) {
     uint8_t *bytes = (uint8_t *)frame;
     bytes[FSN_PORT_SOURCE] = FSN_PORT_OURS >> 8;
@@ -189,8 +189,8 @@ fsn_status soem_take_interfaces(struct fsn_soem *bus, struct fsn_fault *fault) {
     return status == FSN_OK ? fsn_port_lock(bus->interface, &bus->lock, fault) : status;
 }
 
-/** Sockets of the cycle. Before those of SOEM: the kernel gives a packet to the socket that came
- *  first last, and that one needs no copy of it. */
+/** Opens the sockets of the cycle before those of SOEM: the kernel delivers a packet to the first
+ *  socket last, and that one needs no copy of it. */
 static fsn_status open_ports(struct fsn_soem *bus, struct fsn_fault *fault) {
     const char *interface[FSN_WIRE_PORTS] = {bus->interface, bus->redundant};
     const bool stamp = bus->wait_ns == 0;
@@ -239,7 +239,7 @@ static fsn_status compare(void *bus, struct fsn_node *node) {
     return soem_compare(bus, (struct node *)node);
 }
 
-/** Makes nodes and groups of the plan. */
+/** Creates nodes and groups of the plan. */
 static fsn_status make_nodes(struct fsn_soem *bus, const struct fsn_plan *plan,
                              struct fsn_fault *fault) {
     bus->nodes = fsn_nodes_create(&bus->all, plan, sizeof *bus->nodes);
@@ -277,7 +277,7 @@ static fsn_status soem_open(void *context, const struct fsn_plan *plan,
     status = status != FSN_OK
                  ? status
                  : fsn_nodes_check(&bus->all, bus, bus->attached ? compare : configure, fault);
-    /* Used once: a restart after this one opens the bus from the beginning. */
+    /* Used once: a later restart opens the bus from the beginning. */
     bus->attach = NULL;
     if (status != FSN_OK) {
         soem_release(bus);
@@ -292,10 +292,10 @@ static fsn_status soem_open(void *context, const struct fsn_plan *plan,
 static void soem_close(void *context) {
     struct fsn_soem *bus = context;
     if (bus->attached && bus->frames.wire.cycle == 0) {
-        soem_release(bus); /* it never was ours */
+        soem_release(bus); /* it was never ours */
         return;
     }
-    /* SubDevices in a higher state go back step by step, without waiting for their answers. */
+    /* SubDevices in a higher state are set back step by step, without waiting for their answers. */
     static const uint8_t states[] = {FSN_AL_SAFEOP, FSN_AL_PREOP, FSN_AL_INIT};
     for (size_t i = 0; i < sizeof states; i++) {
         bus->slaves[0].state = states[i];

@@ -20,27 +20,27 @@ enum {
 struct node {
     struct fsn_node known; /**< first */
     uint16_t slave;        /**< in SOEM's list, from 1; 0: no SubDevice at its place */
-    bool configured;       /**< since it was found last: SDOs, PDOs, SMs and FMMUs are written */
+    bool configured;       /**< since it was last found: SDOs, PDOs, SMs and FMMUs are written */
     uint8_t requested;     /**< AL state; 0: none */
-    uint32_t group;        /**< of the plan; FSN_NONE: it is always there */
-    bool taken_in;         /**< of a group: identified, since it came */
+    uint32_t group;        /**< of the plan; FSN_NONE: it is always present */
+    bool taken_in;         /**< belongs to a group: identified since it was attached */
 };
 
 /** A group of the plan, and its last result. */
 struct soem_group {
     struct fsn_group_info info;
-    uint8_t found;                 /**< of its first SubDevice while it is absent */
-    char detail[FSN_DETAIL_BYTES]; /**< why it is not taken in, or who else is there */
+    uint8_t found;                 /**< result of its first SubDevice if it is absent */
+    char detail[FSN_DETAIL_BYTES]; /**< why it was not added, or which other device is present */
 };
 
-/** Anything on the ring, in SOEM's order. */
+/** Any device on the ring, in SOEM's order. */
 struct place {
     int node;           /**< number of its node, or SOEM_NO_NODE */
-    uint16_t al_status; /**< as read last; 0: does not answer */
+    uint16_t al_status; /**< as last read; 0: no answer */
     uint16_t al_code;
-    uint8_t quiet; /**< polls in a row without an answer */
-    bool unset;    /**< it was off: its clock shows another time */
-    uint8_t had;   /**< ports with a link, bit by bit, when the ring was closed last */
+    uint8_t quiet; /**< consecutive polls without an answer */
+    bool unset;    /**< it was switched off: its clock shows another time */
+    uint8_t had;   /**< ports with a link, as bits, when the ring was last closed */
 };
 
 struct fsn_soem {
@@ -54,7 +54,7 @@ struct fsn_soem {
     ec_slavet slaves[SOEM_MOST_SLAVES];
     int slave_count;
     ec_groupt groups[1];
-    /* Longer than in SOEM: it writes 8 bytes from the start of the last 2, and marks as many. */
+    /* Longer than in SOEM, which writes 8 bytes from the start of the last 2, and marks as many. */
     uint8 esi_buffer[(EC_MAXEEPBUF) + 8];
     uint32 esi_map[EC_MAXEEPBITMAP + 1];
     ec_eringt errors;
@@ -70,36 +70,36 @@ struct fsn_soem {
     bool nic_open;
     int lock;                    /**< -1, or the descriptor that locks the interface */
     int sockets[FSN_WIRE_PORTS]; /**< of the cycle */
-    int foreign[FSN_WIRE_PORTS]; /**< hear another MainDevice */
+    int foreign[FSN_WIRE_PORTS]; /**< receive frames of another MainDevice */
     uint16_t tag;                /**< in the source address of all our frames */
 
     struct fsn_frames frames;
     struct fsn_nodes all;
-    struct node *nodes; /**< those of `all` */
+    struct node *nodes; /**< the nodes of `all` */
     struct place places[SOEM_MOST_SLAVES];
     uint64_t states_ns, links_ns, search_ns; /**< when these are due again */
     uint8_t goal;                            /**< AL state of the last poll() */
-    bool all_there;                          /**< what it returned */
-    struct fsn_ring_watch ring; /**< with a second interface; its part `ring` under the lock */
-    uint64_t ring_ns;           /**< when it is judged again */
-    bool links_kept;            /**< `had` of the places, since it was closed last */
-    uint16_t next_link;         /**< whose counters are read next */
-    const struct fsn_bus_attachment *attach; /**< until it is open; NULL: a bus that is started */
+    bool all_there;                          /**< its result */
+    struct fsn_ring_watch ring; /**< with a second interface; `ring` in it is guarded by the lock */
+    uint64_t ring_ns;           /**< when it is checked again */
+    bool links_kept;            /**< `had` of the places, since it was last closed */
+    uint16_t next_link;         /**< next SubDevice whose counters are read */
+    const struct fsn_bus_attachment *attach; /**< until it is open; NULL: a bus started here */
     bool attached;                           /**< another process started it */
     uint16_t dc_station;                     /**< of its reference clock, 0: none */
     bool dc_needed;                          /**< a SubDevice of the plan has SYNC0 */
     bool dc_host;                            /**< its reference clock is set from here */
     uint64_t dc_base;                        /**< its lead over CLOCK_MONOTONIC at the start */
-    struct fsn_bus_clocks clocks;            /**< as looked at last, under the lock */
-    uint64_t clocks_ns;                      /**< when they are looked at again */
+    struct fsn_bus_clocks clocks;            /**< last result, guarded by the lock */
+    uint64_t clocks_ns;                      /**< when they are checked again */
     uint64_t clocks_seen;                    /**< time of the reference at the last check */
-    uint32_t clocks_calm; /**< checks in a row with all of them well inside the window */
-    void *described;      /**< as given out last */
+    uint32_t clocks_calm; /**< consecutive checks in which all were well inside the window */
+    void *described;      /**< the last description */
     struct soem_group *groups_of_plan;
     uint32_t group_count;
 };
 
-/** Notes a text about a node; printf-like. */
+/** Stores a note about a node; printf-like. */
 #define soem_note(bus, node, ...) fsn_node_note(&(bus)->all, &(node)->known, __VA_ARGS__)
 
 /* Finding (find.c). */
@@ -116,25 +116,25 @@ bool soem_take_back(struct fsn_soem *bus, uint16_t slave, uint16_t at);
 /** Reports the device at a position that belongs to no group. */
 void soem_describe_at(struct fsn_soem *bus, uint16_t at, uint16_t alias,
                       char text[FSN_DETAIL_BYTES]);
-/** Searches for places that do not answer: gives them back their station address if the present
- *  device is the same as before. */
+/** Searches for places that do not answer: restores their station address if the current device is
+ *  the same as before. */
 void soem_search(struct fsn_soem *bus);
 
 /* Groups of SubDevices that may be absent (groups.c). They follow all others in SOEM's list,
- * whatever their place on the bus, and are taken in when they are found. */
+ * whatever their place on the bus, and are added when they are found. */
 
-enum { SOEM_GROUP_GONE_NS = 100000000 /**< until then it is known who has gone */ };
-/** Room for the groups of the plan; false: no memory. */
+enum { SOEM_GROUP_GONE_NS = 100000000 /**< after this time, the removed SubDevices are known */ };
+/** Allocates the groups of the plan; false: no memory. */
 bool soem_make_groups(struct fsn_soem *bus);
 /** Removes SubDevices of groups from SOEM's list after its scan: positions count the others. */
 void soem_set_groups_apart(struct fsn_soem *bus);
 /** Gives each SubDevice of a group its number in SOEM's list. */
 fsn_status soem_place_groups(struct fsn_soem *bus, struct fsn_fault *fault);
-/** soem_search() of a plan with groups: also for groups that have come. */
+/** soem_search() for a plan with groups: also for groups that were attached. */
 void soem_search_groups(struct fsn_soem *bus);
-/** After each poll of the states: who is there, and who has gone. */
+/** After each poll of the states: detects groups that are present, and those that were removed. */
 void soem_watch_groups(struct fsn_soem *bus);
-/** Whether it need not be in OP now: of a group that is absent, or has just come. */
+/** Whether it need not be in OP now, because its group is absent or has just been attached. */
 bool soem_is_excused(const struct fsn_soem *bus, const struct node *node);
 
 /* Configuring (configure.c). */
@@ -157,7 +157,7 @@ void soem_discard(void *context);
 fsn_status soem_restore(struct fsn_soem *bus, struct fsn_fault *fault);
 /** Compares one SubDevice with the plan: in OP, with the same sync managers and FMMUs. */
 fsn_status soem_compare(struct fsn_soem *bus, struct node *node);
-/** Reads a register of a SubDevice, again and again where frames are late; false: no answer. */
+/** Reads a register of a SubDevice, repeatedly if frames are late; false: no answer. */
 bool soem_read_surely(struct fsn_soem *bus, uint16_t slave, uint16_t address, void *to,
                       uint16_t size_bytes);
 /** SOEM's number of the planned SubDevice; 0: no device there (find.c). */
@@ -169,8 +169,8 @@ uint16_t soem_slave_of(const struct fsn_soem *bus, const struct fsn_subdevice_in
  *  it; without SYNC0 in the plan only where it was requested. Sets `dc_station`.
  *  @retval FSN_E_BUS_CLOCK  a SubDevice with SYNC0 has no clock, or it cannot be set. */
 fsn_status soem_start_clocks(struct fsn_soem *bus, struct fsn_fault *fault);
-/** The first SubDevice with a clock that answers and shows the time is the reference, should the
- *  present one be lost; where all were off, the first of them is given the time. */
+/** The first SubDevice with a clock that answers and shows the time becomes the reference if the
+ *  current one is lost; if all were off, the first one is given the time. */
 void soem_keep_reference(struct fsn_soem *bus);
 /** It was off, and is about to answer again: no SubDevice follows its clock until it is set. */
 void soem_forget_clock(struct fsn_soem *bus, uint16_t slave);
@@ -179,12 +179,12 @@ void soem_forget_clock(struct fsn_soem *bus, uint16_t slave);
 fsn_status soem_set_clock(struct fsn_soem *bus, struct node *node);
 /** Starts SYNC0 as planned.   @retval FSN_E_BUS_CLOCK  it cannot be started. */
 fsn_status soem_start_sync(struct fsn_soem *bus, struct node *node);
-/** Reads how far all clocks are apart, when it is time. */
+/** Reads the differences of all clocks, when they are due. */
 void soem_watch_clocks(struct fsn_soem *bus, uint64_t now_ns);
 /** clocks() of fsn_bus_ops. */
 bool soem_clocks(void *context, struct fsn_bus_clocks *clocks);
 
-/* Process data of one SubDevice against the plan (pdo.c). */
+/* Compares process data of one SubDevice with the plan (pdo.c). */
 fsn_status soem_check_pdos(struct fsn_soem *bus, struct node *node);
 
 /* SII (sii.c). */
@@ -204,7 +204,7 @@ void soem_read_each(struct fsn_soem *bus, uint16_t first, uint16_t count, uint16
 
 /* The ring (ring.c). */
 
-/** Judges both ways and finds the gaps, when it is time. */
+/** Judges both directions and finds the gaps, when they are due. */
 void soem_watch_ring(struct fsn_soem *bus, uint64_t now_ns);
 /** ring() of fsn_bus_ops. */
 bool soem_ring(void *context, struct fsn_bus_ring *ring);
@@ -226,7 +226,7 @@ struct fsn_objects soem_objects(struct fsn_soem *bus, uint16_t slave);
 fsn_status soem_take_interfaces(struct fsn_soem *bus, struct fsn_fault *fault);
 /** Opens SOEM's sockets. */
 fsn_status soem_open_nic(struct fsn_soem *bus, struct fsn_fault *fault);
-/** Closes everything that was opened. */
+/** Closes everything that is open. */
 void soem_release(struct fsn_soem *bus);
 
 /** Discards the frames that wait for SOEM. No exchange is in progress when this is called, so such
@@ -234,7 +234,7 @@ void soem_release(struct fsn_soem *bus);
  *  modulo 16 only: after a stall each of them would pass for the answer to a later frame,
  *  permanently. */
 void soem_drain(struct fsn_soem *bus);
-/** Asks for an AL state and waits for it, milliseconds. */
+/** Requests an AL state and waits for it, milliseconds. */
 bool soem_reach(struct fsn_soem *bus, uint16_t slave, uint8_t al_state, unsigned most_ms);
 /** Sets up the mailbox, without which a SubDevice that has one does not leave INIT. */
 void soem_prepare_mailbox(struct fsn_soem *bus, uint16_t slave);

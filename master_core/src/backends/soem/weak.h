@@ -1,4 +1,4 @@
-/** Included before SOEM's ethercatmain.c, so that sii.c has its place: see there. */
+/** Included before SOEM's ethercatmain.c, so that sii.c replaces a function of it: see there. */
 #ifndef FSN_SOEM_WEAK_H
 #define FSN_SOEM_WEAK_H
 
