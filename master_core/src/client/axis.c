@@ -9,7 +9,7 @@
 enum {
     NS_PER_MS = 1000000,
     DEFAULT_ANSWER_MS = 3000,
-    SETTLE_MS = 100, /**< then bits of an earlier homing are those of this one */
+    SETTLE_MS = 100, /**< after this time, bits belong to this homing and not to an earlier one */
     LOW_MS = 10,     /**< bit 7 is 0 for this time before it rises: drives sample it at their own
                       * rate */
 };
@@ -49,7 +49,7 @@ enum fsn_axis_state fsn_axis_state_of(uint16_t statusword) {
     return FSN_AXIS_NO_STATE;
 }
 
-/** No torque, and no command on its way that takes some off. */
+/** No torque, and no pending command that removes it. */
 static bool is_low(uint8_t state) {
     return state == FSN_AXIS_NOT_READY || state == FSN_AXIS_SWITCH_ON_DISABLED ||
            state == FSN_AXIS_READY_TO_SWITCH_ON;
@@ -71,7 +71,7 @@ static bool is_over(const struct fsn_axis *axis, uint64_t since_ns, uint64_t tim
 
 /* -- state of the drive ------------------------------------------------------------------------ */
 
-/** The drive is no longer where it was requested: nothing brings it back but the program. */
+/** The drive has left the requested state: only the program can return it. */
 static void lose(struct fsn_axis *axis, enum fsn_axis_phase phase) {
     axis->own.goal = axis->state == FSN_AXIS_QUICK_STOP_ACTIVE ? GOAL_QUICK_STOP : GOAL_OFF;
     axis->own.since_ns = axis->inputs.now_ns;
@@ -84,7 +84,7 @@ static enum fsn_axis_phase unrequested(const struct fsn_axis *axis) {
         return FSN_AXIS_BAD_STATUSWORD;
     }
     if (axis->inputs.torque_off) {
-        return FSN_AXIS_TORQUE_OFF; /* some drives show STO as a fault; it has to be reset then */
+        return FSN_AXIS_TORQUE_OFF; /* some drives show STO as a fault; then it must be reset */
     }
     if (is_faulted(axis->state)) {
         return FSN_AXIS_FAULTED;
@@ -93,7 +93,7 @@ static enum fsn_axis_phase unrequested(const struct fsn_axis *axis) {
                                                      : FSN_AXIS_TORQUE_OFF;
 }
 
-/** In Operation enabled: learns which bits the drive has, and sees when one of them goes. */
+/** In Operation enabled: learns the bits of the drive, and detects when one is cleared. */
 static void watch_bits(struct fsn_axis *axis) {
     struct fsn_axis_own *own = &axis->own;
     const uint16_t watched = fsn_axis_watched_bits(axis);
@@ -116,7 +116,7 @@ static void watch_enabling(struct fsn_axis *axis) {
         return;
     }
     if (!own->settled) {
-        /* A command of before may be on its way yet: the drive is low first. */
+        /* An earlier command may still be pending: the drive must first be in a low state. */
         own->settled = is_low(axis->state);
         own->highest = axis->state;
     } else if (axis->state < own->highest) {
@@ -175,7 +175,7 @@ static uint8_t phase_off(const struct fsn_axis *axis) {
 static void watch_off(struct fsn_axis *axis) {
     struct fsn_axis_own *own = &axis->own;
     if (axis->state != FSN_AXIS_FAULT || is_over(axis, own->since_ns, answer_ns(axis))) {
-        own->resets = false; /* done; or the cause is there yet, or this fault cannot be reset */
+        own->resets = false; /* done; or the cause is still present, or it cannot be reset */
     }
     axis->phase = phase_off(axis);
     if (axis->state != FSN_AXIS_OPERATION_ENABLED) {
@@ -234,11 +234,11 @@ static uint16_t command(struct fsn_axis *axis) {
     case FSN_AXIS_READY_TO_SWITCH_ON:
         return on ? SWITCH_ON : SHUTDOWN;
     case FSN_AXIS_SWITCHED_ON:
-        /* A command of before may still act: the drive must have been in a low state first. */
+        /* An earlier command may still act: the drive must have been in a low state first. */
         if (!on || !axis->own.settled) {
             return SHUTDOWN;
         }
-        /* With an unconfirmed mode, the drive would take the target as another quantity. */
+        /* With an unconfirmed mode, the drive would interpret the target as another quantity. */
         return fsn_axis_mode_is_confirmed(axis) ? ENABLE_OPERATION : SWITCH_ON;
     case FSN_AXIS_OPERATION_ENABLED:
         return command_enabled(axis);
@@ -248,7 +248,7 @@ static uint16_t command(struct fsn_axis *axis) {
     case FSN_AXIS_FAULT_REACTION_ACTIVE:
         return SHUTDOWN; /* the voltage stays, so that the drive can end its ramp */
     case FSN_AXIS_NO_STATE:
-        return QUICK_STOP; /* from every state a step down, and from Operation enabled a ramp */
+        return QUICK_STOP; /* a step down from every state, and a ramp from Operation enabled */
     default:
         return DISABLE_VOLTAGE;
     }
@@ -256,7 +256,7 @@ static uint16_t command(struct fsn_axis *axis) {
 
 /* -- set-points and homing --------------------------------------------------------------------- */
 
-/** PP: bit 4 rises when the drive is free (bit 12 is 0), and falls when it has taken it. */
+/** PP: bit 4 is set when the drive is free (bit 12 is 0), and cleared when it has accepted it. */
 static void follow_set_point(struct fsn_axis *axis) {
     struct fsn_axis_own *own = &axis->own;
     const bool taken = (axis->inputs.statusword & FOLLOWS) != 0;
@@ -308,7 +308,7 @@ static void follow_job(struct fsn_axis *axis) {
 
 /* -- targets ----------------------------------------------------------------------------------- */
 
-/** Actual or commanded state of the drive: only the target of its mode may move. */
+/** Actual or commanded state of the drive: only the target of its mode may change. */
 static int32_t target_position(const struct fsn_axis *axis, bool was_enabled) {
     const struct fsn_axis_own *own = &axis->own;
     const int8_t mode = axis->outputs.mode;
@@ -340,8 +340,8 @@ void fsn_axis_step(struct fsn_axis *axis, const struct fsn_axis_inputs *inputs) 
     axis->reached = (inputs->statusword & REACHED) != 0;
     axis->limited = (inputs->statusword & LIMITED) != 0;
     watch(axis);
-    /* A drive that shows bit 12 ignores its target without it, and must not find another one when
-     * it follows again. */
+    /* A drive that supports bit 12 ignores its target while the bit is 0, and must not find a
+     * different one when it follows again. */
     const bool ignored = axis->own.follows && fsn_axis_is_cyclic(axis->outputs.mode) &&
                          !axis->halted && (inputs->statusword & FOLLOWS) == 0;
     axis->enabled = axis->phase == FSN_AXIS_ENABLED && fsn_axis_mode_is_confirmed(axis) && !ignored;

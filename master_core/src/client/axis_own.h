@@ -25,14 +25,14 @@ static inline bool fsn_axis_mode_is_confirmed(const struct fsn_axis *axis) {
     return axis->inputs.mode == axis->outputs.mode;
 }
 
-/** Bits that are 1 while the drive follows its command, if it has shown them so. */
+/** Bits that are 1 while the drive follows its command, if it has set them before. */
 static inline uint16_t fsn_axis_watched_bits(const struct fsn_axis *axis) {
     const bool follows =
         fsn_axis_is_cyclic(axis->outputs.mode) && fsn_axis_mode_is_confirmed(axis) && !axis->halted;
     return (uint16_t)(VOLTAGE | REMOTE | (follows ? FOLLOWS : 0));
 }
 
-/** A set-point or homing that runs ends without its result. */
+/** Ends a running set-point or homing without a result. */
 static inline void fsn_axis_interrupt_job(struct fsn_axis *axis) {
     axis->own.start = false;
     if (axis->job == FSN_AXIS_JOB_WAITING || axis->job == FSN_AXIS_JOB_RUNNING) {

@@ -1,5 +1,5 @@
-/** An axis of a client in the cycle: its objects among the symbols, and its values in each cycle.
- */
+/** An axis of a client in the cycle: its objects among the symbols, and its values in each
+ *  cycle. */
 #include <stdio.h>
 #include <string.h>
 
@@ -82,7 +82,7 @@ static fsn_status find(const struct search *search, const struct object *object)
     return FSN_OK;
 }
 
-/** Refuses when an object is not mapped. */
+/** Refuses if an object is not mapped. */
 static fsn_status need(const struct search *search, uint16_t index, const char *why) {
     for (size_t i = 0; i < sizeof objects / sizeof objects[0]; i++) {
         if (objects[i].index == index && *place_of(search, &objects[i]) == FSN_REALTIME_NONE) {
@@ -96,7 +96,7 @@ static fsn_status need(const struct search *search, uint16_t index, const char *
     return FSN_OK;
 }
 
-/** The object with the target of a mode; 0: it has none. */
+/** The object with the target of a mode; 0 if there is none. */
 static uint16_t target_of(int mode) {
     switch (mode) {
     case FSN_AXIS_PP:
@@ -131,7 +131,7 @@ static fsn_status need_all(const struct search *search) {
     return status;
 }
 
-/** Modes that the process data have objects for. */
+/** Modes that are supported by the mapped objects. */
 static uint16_t mapped_modes(const struct search *search) {
     const struct fsn_axis_symbols *found = search->symbols;
     const uint16_t wanted = search->options->config.modes;
@@ -200,7 +200,7 @@ static int32_t number(const struct fsn_realtime *realtime, int32_t symbol, unsig
 
 static void put(struct fsn_realtime *realtime, int32_t symbol, int32_t value) {
     if (symbol != FSN_REALTIME_NONE) {
-        /* That it is ours was seen when the axis was opened. */
+        /* Ownership was checked when the axis was opened. */
         const fsn_status done = fsn_realtime_set(realtime, symbol, (uint64_t)(int64_t)value);
         (void)done;
     }

@@ -3,7 +3,7 @@
 
 #include "client/axis_own.h"
 
-/** Whether the drive has a mode, and the program stated the limit that belongs to it. */
+/** Whether the drive has a mode, and the program stated its limit. */
 static bool is_open(const struct fsn_axis_config *config, int8_t mode) {
     if (mode < 0 || mode > FSN_AXIS_CST ||
         (config->modes != 0 && (config->modes >> mode & 1) == 0)) {
@@ -93,7 +93,7 @@ void fsn_axis_halt(struct fsn_axis *axis, bool halts) {
     if (axis->outputs.mode == FSN_AXIS_CSP) {
         axis->own.has_position = false;
         axis->enabled =
-            axis->enabled && halts; /* it has moved on by its ramp: from where it stands */
+            axis->enabled && halts; /* it has moved on: continue from its current position */
     }
     axis->own.wanted_velocity = 0;
     axis->own.wanted_torque = 0;

@@ -21,17 +21,17 @@
 #include "rt/words.h"
 
 enum { LINE_BYTES = 8192, FDS = 2, DEFAULT_TIMEOUT_MS = 5000 };
-enum { LOOK_AFTER = 256 }; /**< sleeps for one cycle before a check whether any will come */
+enum { LOOK_AFTER = 256 }; /**< sleeps of one cycle before a check for further cycles */
 
 struct fsn_realtime {
-    int fd; /**< of the socket: while it is open, the outputs are ours */
+    int fd; /**< of the socket: while it is open, this client owns the outputs */
     const struct fsn_shared_inputs *inputs;
     const struct fsn_shared_symbol *symbols;
-    struct fsn_shared_outputs *outputs; /**< NULL: reads only */
+    struct fsn_shared_outputs *outputs; /**< NULL: read-only */
     size_t inputs_bytes, outputs_bytes;
     uint8_t *image;
     uint64_t *values; /**< of the outputs */
-    uint32_t *slot;   /**< per symbol: its place in `values` + 1; 0: not ours */
+    uint32_t *slot;   /**< per symbol: its place in `values` + 1; 0: not owned */
     uint32_t taken;   /**< number of the last snapshot */
     struct fsn_shared_cycle cycle;
 };
@@ -55,7 +55,7 @@ static fsn_status refuse(struct fsn_realtime_fault *fault, fsn_status status, co
 
 /* -- the request ---------------------------------------------------------------------------- */
 
-/** Appends a word in quotes; false when the line is full. */
+/** Appends a word in quotes; false if the line is full. */
 static bool put_word(char *line, size_t *used, const char *word) {
     line[(*used)++] = ' ';
     line[(*used)++] = '"';
@@ -87,7 +87,7 @@ static bool write_request(const struct fsn_realtime_options *options, char line[
     return true;
 }
 
-/** Keeps descriptors that came with some bytes. */
+/** Stores descriptors received with some bytes. */
 static void keep_fds(struct msghdr *message, struct answer *answer) {
     for (struct cmsghdr *c = CMSG_FIRSTHDR(message); c != NULL; c = CMSG_NXTHDR(message, c)) {
         if (c->cmsg_level != SOL_SOCKET || c->cmsg_type != SCM_RIGHTS) {
@@ -140,7 +140,7 @@ static int read_line(int fd, struct answer *answer) {
     }
 }
 
-/** Text under a key of a line of JSON, unchanged. */
+/** Text of a key in a line of JSON, unchanged. */
 static const char *text_of(const char *line, const char *key, char *room, size_t room_bytes) {
     const char *at = strstr(line, key);
     size_t used = 0;
@@ -181,7 +181,7 @@ static fsn_status read_refusal(const char *line, struct fsn_realtime_fault *faul
 
 /* -- the memory ----------------------------------------------------------------------------- */
 
-/** Maps a file whose length matches its head; NULL: it is not from fsn-master. */
+/** Maps a file whose length matches its head; NULL if it does not come from fsn-master. */
 static void *map(int fd, int protection, size_t least_bytes, size_t *size_bytes) {
     struct stat found;
     if (fstat(fd, &found) != 0 || found.st_size < 0 || (size_t)found.st_size < least_bytes) {
@@ -405,7 +405,7 @@ static const struct fsn_shared_symbol *symbol_of(const struct fsn_realtime *real
 
 /* -- cycles --------------------------------------------------------------------------------- */
 
-/** Takes the newest snapshot; false if the master has begun to overwrite it meanwhile. */
+/** Takes the newest snapshot; false if the master has begun to overwrite it in the meantime. */
 static bool take(struct fsn_realtime *realtime, uint32_t whole) {
     const struct fsn_shared_inputs *inputs = realtime->inputs;
     const _Atomic uint64_t *words = (const void *)((const uint8_t *)inputs + inputs->pictures_at);
@@ -424,7 +424,7 @@ static bool take(struct fsn_realtime *realtime, uint32_t whole) {
     return true;
 }
 
-/** Until the next cycle should be there, then a little at a time. */
+/** Sleeps until the next cycle is expected, then in small steps. */
 static void sleep_for_next(const struct fsn_realtime *realtime, uint64_t now_ns,
                            uint64_t until_ns) {
     enum { STEPS = 64, LEAST_NS = 2000, MOST_NS = 100000 };
@@ -438,7 +438,7 @@ static void sleep_for_next(const struct fsn_realtime *realtime, uint64_t now_ns,
     (void)clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &at, NULL);
 }
 
-/** Whether fsn-master has ended, without a word to the memory. */
+/** Whether fsn-master has ended without marking the memory. */
 static bool has_ended(const struct fsn_realtime *realtime) {
     char byte;
     return recv(realtime->fd, &byte, 1, MSG_PEEK | MSG_DONTWAIT) == 0;
@@ -460,10 +460,10 @@ fsn_status fsn_realtime_wait(struct fsn_realtime *realtime, uint64_t timeout_ns,
     const struct fsn_shared_inputs *inputs = realtime->inputs;
     const uint64_t before = realtime->cycle.cycle;
     uint64_t now_ns = fsn_clock_ns(CLOCK_MONOTONIC);
-    /* Saturated: a caller may wait for ever. */
+    /* Saturated: a caller may wait forever. */
     const uint64_t until_ns = timeout_ns < UINT64_MAX - now_ns ? now_ns + timeout_ns : UINT64_MAX;
     for (uint32_t sleeps = 1;; sleeps++, now_ns = fsn_clock_ns(CLOCK_MONOTONIC)) {
-        /* Acquire: the values belong to the number that is read here. */
+        /* Acquire: the values belong to the number read here. */
         const uint32_t whole = atomic_load_explicit(&inputs->shown.whole, memory_order_acquire);
         if (whole != realtime->taken && take(realtime, whole)) {
             break;
@@ -472,7 +472,7 @@ fsn_status fsn_realtime_wait(struct fsn_realtime *realtime, uint64_t timeout_ns,
             return FSN_E_STATE;
         }
         const bool over = now_ns >= until_ns;
-        /* The process is looked at now and then only, as that needs a system call. */
+        /* The process is checked only at intervals, because that needs a system call. */
         if ((over || sleeps % LOOK_AFTER == 0) && has_ended(realtime)) {
             return FSN_E_STATE;
         }
@@ -492,7 +492,7 @@ fsn_status fsn_realtime_wait(struct fsn_realtime *realtime, uint64_t timeout_ns,
                                              .expected_wkc = seen->expected_wkc,
                                              .actual_wkc = seen->actual_wkc};
     }
-    /* Outputs that fell back must be noticed in the same call that gives the inputs. */
+    /* Outputs that fell back must be noticed in the same call that returns the inputs. */
     return holds_outputs(realtime) ? FSN_OK : FSN_E_CLOSED;
 }
 
@@ -507,7 +507,7 @@ static bool is_real(const struct fsn_shared_symbol *symbol) {
     return symbol->kind == FSN_KIND_REAL && (symbol->bits == 32 || symbol->bits == 64);
 }
 
-/** The number that these bits are. */
+/** The number for these bits. */
 static double number_of(const struct fsn_shared_symbol *symbol, uint64_t raw) {
     if (is_real(symbol) && symbol->bits == 32) {
         const uint32_t bits = (uint32_t)raw;
@@ -557,7 +557,7 @@ static bool bits_of(const struct fsn_shared_symbol *symbol, double number, uint6
         return number - number == 0 && (symbol->bits == 64 || narrow - narrow == 0);
     }
     const bool is_signed = symbol->kind == FSN_KIND_SIGNED;
-    double end = 1; /* the first too large */
+    double end = 1; /* the first value that is too large */
     for (unsigned i = is_signed; i < symbol->bits; i++) {
         end *= 2;
     }
