@@ -1,4 +1,4 @@
-/** Monotonic time, and the UTC that belongs to it. */
+/** Monotonic time, and the corresponding UTC. */
 #ifndef FSN_CONTROL_CLOCK_H
 #define FSN_CONTROL_CLOCK_H
 
@@ -6,7 +6,7 @@
 
 uint64_t fsn_now_ns(void);
 
-/** UTC as 2026-01-31T12:00:00.123456Z of a monotonic time. */
+/** UTC of a monotonic time, as 2026-01-31T12:00:00.123456Z. */
 void fsn_utc_text(uint64_t at_ns, char room[32]);
 
 #endif

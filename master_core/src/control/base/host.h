@@ -17,24 +17,24 @@ enum fsn_program_request {
     FSN_PROGRAM_STOP,
     FSN_PROGRAM_RESTART,
     FSN_PROGRAM_SHUTDOWN,
-    FSN_PROGRAM_HOLD,  /**< maintenance: the standby takes nothing over */
-    FSN_PROGRAM_RESUME /**< it does again */
+    FSN_PROGRAM_HOLD,  /**< maintenance: the standby does not take over */
+    FSN_PROGRAM_RESUME /**< the standby may take over again */
 };
 
-/** FSN_LOG_DETAIL: for subscribers and a log of records; too much for lines that people read. */
+/** FSN_LOG_DETAIL: for subscribers and a log of records; too much for people to read. */
 enum fsn_log_level { FSN_LOG_DETAIL, FSN_LOG_INFO, FSN_LOG_WARNING, FSN_LOG_ERROR };
 
-/** How the intervention log is. */
+/** State of the intervention log. */
 struct fsn_interventions {
     const char *folder;
     uint64_t entry;       /**< number of the last written one; 0: none */
     const char *hash;     /**< SHA-256 of its line; empty: none */
     uint64_t waiting;     /**< entries to be written */
-    uint64_t lost;        /**< entries of this run that nothing took in time */
+    uint64_t lost;        /**< entries of this run that could not be stored */
     uint64_t bytes;       /**< of all files in the folder */
-    uint64_t limit_bytes; /**< of them; operators may fill three quarters, all others half */
-    bool limited;         /**< half is full: entries about refused requests are left out */
-    const char *error;    /**< why nothing is written now, or NULL */
+    uint64_t limit_bytes; /**< limit of these; operators may fill three quarters, all others half */
+    bool limited;         /**< half is full: entries about refused requests are omitted */
+    const char *error;    /**< why entries cannot be written now, or NULL */
 };
 
 /** Data of the program about itself. Strings are valid until the next call. */
@@ -42,8 +42,8 @@ struct fsn_control_status {
     const char *state; /**< stopped, opening, starting, running, stopping or failed */
     const char *fault; /**< why it is stopped, or NULL */
     const char *backend, *interface, *redundant, *plan_file, *accepted;
-    const char *const *bus_interfaces; /**< of each bus of the plan; NULL where it has one */
-    const char *policy;                /**< fifo, deadline or other, as it came to be */
+    const char *const *bus_interfaces; /**< of each bus of the plan; NULL if it has only one */
+    const char *policy;                /**< fifo, deadline or other: the policy in use */
     uint64_t started_ns;               /**< start of the process, monotonic */
     uint64_t cycle_ns;                 /**< bus cycle */
     int cpu;                           /**< CPU number + 1; 0: not pinned */
@@ -52,8 +52,8 @@ struct fsn_control_status {
     const char *acceptance, *acceptance_said;      /**< signed record, and output of its check */
     const struct fsn_interventions *interventions; /**< NULL: none are logged */
     int standby_pid;                               /**< successor process; 0: none */
-    bool standby_held;                             /**< maintenance: it takes nothing over */
-    bool require_observed; /**< other parameters than the plan has are an alarm */
+    bool standby_held;                             /**< maintenance: it does not take over */
+    bool require_observed; /**< parameters that differ from the plan are an alarm */
 };
 
 /** The program around the socket. Called in the control thread only. */
@@ -62,12 +62,12 @@ struct fsn_control_host {
     void (*status)(void *self, struct fsn_control_status *status);
     fsn_status (*request)(void *self, enum fsn_program_request request,
                           struct fsn_refusal *refusal);
-    /** `text` for people; `json` the event as subscribers get it, without its newline; `account`
-     *  whose share of the intervention log it uses. */
+    /** `text` in words; `json` is the event for subscribers, without its newline; `account` is the
+     *  role whose share of the intervention log it uses. */
     void (*log)(void *self, enum fsn_log_level level, enum fsn_role account, const char *text,
                 const char *json, size_t json_bytes);
     /** Takes a job, to be done in the acyclic thread of the bus and returned by
-     *  fsn_control_job_done(); NULL: none are taken. */
+     *  fsn_control_job_done(); NULL if no jobs are accepted. */
     void (*submit)(void *self, struct fsn_job *job);
 };
 

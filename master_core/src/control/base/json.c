@@ -67,7 +67,7 @@ void fsn_json_close(struct fsn_json *json, char bracket) {
     json->comma = true;
 }
 
-/** One byte or one whole UTF-8 sequence; returns how many bytes were taken. */
+/** Writes one byte or one complete UTF-8 sequence; returns the number of bytes used. */
 static size_t character(struct fsn_json *json, const char *at, size_t left) {
     if (*at == '"' || *at == '\\') {
         const char pair[2] = {'\\', *at};

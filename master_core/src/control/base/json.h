@@ -8,16 +8,16 @@
 
 #include "fsn/status.h"
 
-/** Zero with a limit set is an empty one. After the first failure nothing more is written. */
+/** Zero with a limit is an empty document. After the first failure nothing more is written. */
 struct fsn_json {
     char *bytes; /**< owned; not zero-terminated */
     size_t len_bytes, room_bytes;
-    size_t limit_bytes; /**< it never gets longer */
+    size_t limit_bytes; /**< maximum length */
     fsn_status failed;  /**< FSN_E_SPACE: the limit was reached; FSN_E_NOMEM: out of memory */
     bool comma;         /**< the next value or key needs a comma before it */
 };
 
-/** Frees the buffer; the limit stays. */
+/** Frees the buffer; the limit is kept. */
 void fsn_json_free(struct fsn_json *json);
 
 /** Starts again in the same buffer. */
@@ -40,18 +40,18 @@ void fsn_json_real(struct fsn_json *json, double value);
 void fsn_json_bool(struct fsn_json *json, bool value);
 void fsn_json_null(struct fsn_json *json);
 
-/** A value that is JSON already. */
+/** A value that is already JSON. */
 void fsn_json_raw(struct fsn_json *json, const char *bytes, size_t len_bytes);
 /** Bytes as a text of two hexadecimal digits each. */
 void fsn_json_hex(struct fsn_json *json, const uint8_t *bytes, size_t len_bytes);
 
-/** Key and value; of an object or array its begin. */
+/** Key and value; or the beginning of an object or array. */
 void fsn_json_put_open(struct fsn_json *json, const char *key, char bracket);
 void fsn_json_put_text(struct fsn_json *json, const char *key, const char *text);
 /** NULL: null. */
 void fsn_json_put_text_or_null(struct fsn_json *json, const char *key, const char *text);
 void fsn_json_put_u64(struct fsn_json *json, const char *key, uint64_t value);
-/** Null where it is not known. */
+/** Null if it is unknown. */
 void fsn_json_put_known(struct fsn_json *json, const char *key, bool known, uint64_t value);
 void fsn_json_put_bool(struct fsn_json *json, const char *key, bool value);
 /** Bytes as an array of numbers. */

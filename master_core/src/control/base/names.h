@@ -1,4 +1,4 @@
-/** Words for numbers, for people who read replies and logs. */
+/** Words for numbers in replies and logs. */
 #ifndef FSN_CONTROL_NAMES_H
 #define FSN_CONTROL_NAMES_H
 
@@ -10,7 +10,7 @@ bool fsn_observed_is_data(uint32_t observed);
 const char *fsn_reset_text(uint8_t code);
 const char *fsn_command_name(uint8_t command);
 
-/** "OP", "SAFEOP+ERROR"; into `room`, which it returns. */
+/** Writes "OP", "SAFEOP+ERROR" and the like into `room`, which it returns. */
 const char *fsn_al_text(uint8_t al_status, char room[24]);
 
 #endif

@@ -1,11 +1,11 @@
-/** Bytes of objects by the type that a request names. */
+/** Converts bytes of objects by the type in a request. */
 #ifndef FSN_CONTROL_OBJECT_VALUE_H
 #define FSN_CONTROL_OBJECT_VALUE_H
 
 #include "control/base/json.h"
 #include "fsn/plan.h"
 
-/** How the bytes of an object are read. */
+/** Interpretation of the bytes of an object. */
 enum fsn_data_kind { FSN_DATA_HEX, FSN_DATA_NUMBER, FSN_DATA_STRING };
 struct fsn_data_type {
     enum fsn_data_kind kind;
@@ -21,8 +21,8 @@ bool fsn_data_type_read(const char *text, struct fsn_data_type *type);
 const char *fsn_data_parse(const struct fsn_data_type *type, const char *text, uint8_t *bytes,
                            uint32_t *size_bytes);
 
-/** Writes "data", "bytes" and, if the type is not plain hex, "value". Null for bytes of another
- *  length than the type has. */
+/** Writes "data", "bytes" and, if the type is not plain hex, "value". Null if the number of bytes
+ *  does not match the type. */
 void fsn_data_write(const struct fsn_data_type *type, const uint8_t *bytes, uint32_t size_bytes,
                     struct fsn_json *json);
 

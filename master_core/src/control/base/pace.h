@@ -1,11 +1,11 @@
-/** How often something may happen: a few times at once, later once in a while. */
+/** Limits how often something may happen: a few times at once, later at intervals. */
 #ifndef FSN_CONTROL_PACE_H
 #define FSN_CONTROL_PACE_H
 
 #include <stdbool.h>
 #include <stdint.h>
 
-/** Whether it may happen now, which is counted then.
+/** Whether it may happen now; if so, it is counted.
  *  @param[in,out] due_ns  0 at first; when it has happened for `at_once` times, it may happen again
  *                         `every_ns` after the first of them, and so on.
  *  @param[in] now_ns      monotonic. */

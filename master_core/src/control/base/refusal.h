@@ -1,4 +1,4 @@
-/** Why a request was refused, for the reply. */
+/** Reason why a request was refused, for the reply. */
 #ifndef FSN_CONTROL_REFUSAL_H
 #define FSN_CONTROL_REFUSAL_H
 

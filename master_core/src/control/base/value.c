@@ -10,18 +10,18 @@ static bool is_real(const struct fsn_symbol_info *symbol) {
     return symbol->kind == FSN_KIND_REAL && (symbol->bits == 32 || symbol->bits == 64);
 }
 
-/** Whole number: sign and magnitude. */
+/** Reads an integer: sign and magnitude. */
 static bool whole(const char *text, bool *negative, uint64_t *magnitude) {
     int base = 10;
     *negative = *text == '-';
     text += *text == '-' || *text == '+';
-    /* 0x, 0o and 0b as in Python; a leading 0 alone is decimal. */
+    /* 0x, 0o and 0b as in Python; a single leading 0 is decimal. */
     if (text[0] == '0' && text[1] != 0 && strchr("xXoObB", text[1]) != NULL) {
         const int mark = tolower((unsigned char)text[1]);
         base = mark == 'x' ? 16 : mark == 'o' ? 8 : 2;
         text += 2;
     }
-    if (!isalnum((unsigned char)*text)) { /* strtoull would take blanks and a second sign */
+    if (!isalnum((unsigned char)*text)) { /* strtoull would accept blanks and a second sign */
         return false;
     }
     if (base == 16 && text[0] == '0' && (text[1] == 'x' || text[1] == 'X')) {
@@ -100,7 +100,7 @@ static bool is_scaled(const struct fsn_symbol_info *symbol) {
 
 static const char *store_whole(const struct fsn_symbol_info *symbol, double number, uint64_t *raw) {
     const bool is_signed = symbol->kind == FSN_KIND_SIGNED;
-    const double end = ldexp(1, symbol->bits - (is_signed ? 1 : 0)); /* the first too large */
+    const double end = ldexp(1, symbol->bits - (is_signed ? 1 : 0)); /* first too large one */
     const double rounded = round(number);
     if (!(rounded < end && rounded >= (is_signed ? -end : 0))) {
         return "outside the range of its type";
@@ -125,7 +125,7 @@ const char *fsn_value_parse_typed(const struct fsn_symbol_info *symbol, const ch
     return is_real(symbol) ? store_real(symbol, scaled, raw) : store_whole(symbol, scaled, raw);
 }
 
-/** The number that these bits are. */
+/** The number for these bits. */
 static double number_of(const struct fsn_symbol_info *symbol, uint64_t raw) {
     if (is_real(symbol) && symbol->bits == 32) {
         const uint32_t bits = (uint32_t)raw;

@@ -1,27 +1,27 @@
-/** Values of symbols as text, by the type the plan gives them. */
+/** Values of symbols as text, by their type in the plan. */
 #ifndef FSN_CONTROL_VALUE_H
 #define FSN_CONTROL_VALUE_H
 
 #include "control/base/json.h"
 #include "fsn/plan.h"
 
-/** Reads a value: true false on off for one bit, whole numbers decimal, 0x, 0o or 0b, floating
+/** Reads a value: true, false, on or off for one bit; integers in decimal, 0x, 0o or 0b; floating
  *  point if the symbol is. `raw` gets the bits for fsn_core_set_output().
  *  @return NULL, or the text of the error.   Context: any thread. */
 const char *fsn_value_parse(const struct fsn_symbol_info *symbol, const char *text, uint64_t *raw);
 
-/** Reads a whole number of 0 to 2^bits - 1, `bits` up to 64. Returns as above. Context: any thread.
- */
+/** Reads an integer from 0 to 2^bits - 1, `bits` up to 64. Returns as above. Context: any
+ *  thread. */
 const char *fsn_value_parse_number(const char *text, uint16_t bits, uint64_t *number);
 
 /** The bits of a value of up to 8 bytes, low byte first. Context: any thread. */
 uint64_t fsn_value_read(const uint8_t *bytes, uint32_t size_bytes);
 
-/** Writes the value that these bits have. Context: any thread. */
+/** Writes the value of these bits. Context: any thread. */
 void fsn_value_write(const struct fsn_symbol_info *symbol, uint64_t raw, struct fsn_json *json);
 
 /** The same in the units of the symbol: its factor and offset apply, and a value that is not
- *  floating point is rounded to the nearest integer. A bool has none. */
+ *  floating point is rounded to the nearest integer. Not applicable to a bool. */
 const char *fsn_value_parse_typed(const struct fsn_symbol_info *symbol, const char *text,
                                   uint64_t *raw);
 void fsn_value_write_typed(const struct fsn_symbol_info *symbol, uint64_t raw,

@@ -6,13 +6,13 @@
 
 /** Length of the UTF-8 sequence at `at` and its character, 0 if it is invalid. */
 static size_t decode(const uint8_t *at, size_t left, uint32_t *character) {
-    static const uint32_t least[] = {0x80, 0x800, 0x10000}; /* of two bytes and more */
+    static const uint32_t least[] = {0x80, 0x800, 0x10000}; /* of two and more bytes */
     const uint8_t first = at[0];
     *character = first;
     if (first < 0x80) {
         return 1;
     }
-    /* 0xC0 and 0xC1 would be longer forms of ASCII; the check of the least value refuses them. */
+    /* 0xC0 and 0xC1 would be longer forms of ASCII; the check of the minimum value rejects them. */
     const size_t len = first >= 0xF0 ? 4 : first >= 0xE0 ? 3 : first >= 0xC0 ? 2 : 0;
     if (len == 0 || first > 0xF4 || len > left) {
         return 0;
@@ -30,7 +30,7 @@ static size_t decode(const uint8_t *at, size_t left, uint32_t *character) {
     return point < least[len - 2] || point > 0x10FFFF || surrogate ? 0 : len;
 }
 
-/** Whether a character acts on a terminal, hides, or reorders the line it is in. */
+/** Whether a character controls a terminal, hides, or reorders its line. */
 static bool is_hidden(uint32_t character) {
     static const struct {
         uint32_t first, last;
@@ -98,8 +98,8 @@ static bool is_blank(char c) {
     return c == ' ' || c == '\t';
 }
 
-/** Takes one word from `*read` on, writes it to `to`. Never writes ahead of what was read.
- *  Returns the byte after the written word, NULL when a quote is left open. */
+/** Takes one word from `*read` on, and writes it to `to`. Never writes ahead of the read position.
+ *  Returns the byte after the written word, or NULL if a quote is not closed. */
 static char *take(char **read, const char *end, char *to) {
     bool quoted = false;
     char *at = *read;
@@ -124,7 +124,7 @@ const char *fsn_words_split(char *line, size_t len_bytes, struct fsn_words *word
     }
     for (size_t i = 0; i < len_bytes; i++) {
         const unsigned char c = (unsigned char)line[i];
-        /* A line end within a word could forge a line of the log. */
+        /* A line end within a word could forge a log line. */
         if ((c < 0x20 && c != '\t') || c == 0x7F) {
             return "the request has a control character";
         }

@@ -25,7 +25,7 @@ struct fsn_words {
 const char *fsn_words_split(char *line, size_t len_bytes, struct fsn_words *words);
 
 /** Writes the first character of a text in a form that is safe for people and programs. A character
- *  that acts on a terminal, hides or reorders a line, and an invalid UTF-8 byte, becomes its JSON
+ *  that controls a terminal, hides or reorders a line, and an invalid UTF-8 byte, becomes its JSON
  *  escape.
  *  @param[in] at  left bytes, at least one.
  *  @param[out] shown  zero-terminated.
@@ -44,11 +44,11 @@ size_t fsn_show_text(char *to, size_t size_bytes, const char *text);
  *  Context: any thread. */
 void fsn_hex_text(const uint8_t *bytes, size_t len_bytes, char *to);
 
-/** Most bytes of a text, not more than `most`, that end with a whole character.
+/** Largest number of bytes of a text, at most `most`, that ends with a complete character.
  *  @param[in] text  UTF-8 of more than `most` bytes.   Context: any thread. */
 size_t fsn_utf8_cut(const char *text, size_t most);
 
-/** Whether bytes are whole, shortest UTF-8 without surrogates. Context: any thread. */
+/** Whether bytes are complete, shortest-form UTF-8 without surrogates. Context: any thread. */
 bool fsn_is_utf8(const char *bytes, size_t len_bytes);
 
 #endif

@@ -14,12 +14,12 @@
 enum {
     POLL_MS = 20,       /**< between two polls of the SubDevices */
     WKC_MS = 1000,      /**< between two reports of single incomplete cycles */
-    AGAIN_MS = 5000,    /**< between two lines on a connection that resets again and again */
-    FOREIGN_MS = 60000, /**< between two lines on another MainDevice */
+    AGAIN_MS = 5000,    /**< between two lines about a connection that resets repeatedly */
+    FOREIGN_MS = 60000, /**< between two lines about another MainDevice */
     DRAIN = 256,        /**< events of the core taken at once */
 };
 
-/** Transitions into Data and out of it, and the first reset of several: people search for these. */
+/** Transitions into and out of Data, and the first of several resets: people search for these. */
 static enum fsn_log_level connection_level(struct fsn_changes *changes,
                                            const struct fsn_event *event, bool left, bool data) {
     uint64_t *reported_ns = &changes->reset_reported_ns[event->connection];
@@ -76,7 +76,7 @@ static void connection_event(struct fsn_changes *changes, struct fsn_incidents *
         snprintf(cause, sizeof cause, ", by the %s: %s", by, fsn_reset_text(event->reset_code));
     }
     const bool data = fsn_observed_is_data(event->after);
-    /* With a group that is pulled its connections end as well. */
+    /* If a group is removed, its connections also end. */
     const bool away = !data && (fsn_group_is_away(changes->view, info.main_subdevice) ||
                                 fsn_group_is_away(changes->view, info.sub_subdevice));
     const bool left = fsn_observed_is_data(event->before) && !away;
@@ -90,7 +90,7 @@ static void connection_event(struct fsn_changes *changes, struct fsn_incidents *
     }
 }
 
-/** Other parameters than the plan has; never damped, as a difference is reported once. */
+/** Parameters differ from the plan; never suppressed, because a difference is reported once. */
 static void parameters_event(struct fsn_changes *changes, const struct fsn_event *event) {
     const struct fsn_connection_info info =
         fsn_known_connection(changes->view->plan, event->connection);
@@ -121,8 +121,8 @@ static bool same_subdevice(const struct fsn_bus_subdevice *a, const struct fsn_b
            memcmp(a->link, b->link, sizeof a->link) == 0;
 }
 
-/** Lost, refused, wrong or in error; back in OP. States in between, and links that are read one
- *  after the other, are details. */
+/** Lost, refused, wrong or in error; back in OP. Intermediate states, and links that are read one
+ *  after another, are details. */
 static enum fsn_log_level subdevice_level(const struct fsn_bus_subdevice *before,
                                           const struct fsn_bus_subdevice *after) {
     const bool wrong = after->found != FSN_FOUND_RIGHT && after->found != FSN_FOUND_UNKNOWN;
@@ -137,7 +137,7 @@ static enum fsn_log_level subdevice_level(const struct fsn_bus_subdevice *before
         reported) {
         return FSN_LOG_WARNING;
     }
-    /* Reaching OP is what a person waits for; steps on the way are details. */
+    /* People wait for OP; intermediate steps are details. */
     return after->al_status == FSN_AL_OP && before->al_status != FSN_AL_OP ? FSN_LOG_INFO
                                                                            : FSN_LOG_DETAIL;
 }
@@ -181,7 +181,7 @@ static void subdevice_event(struct fsn_changes *changes, uint32_t number,
     if (memcmp(before->link, after->link, sizeof after->link) != 0) {
         put_links(after, links, sizeof links);
     }
-    /* Absent by design and with an answer is a state on the way, not a fault. */
+    /* Absent by design but with an answer is a transitional state, not a fault. */
     const bool fine = after->found == FSN_FOUND_RIGHT || after->found == FSN_FOUND_UNKNOWN ||
                       (after->found == FSN_FOUND_ABSENT && after->al_status != FSN_AL_NONE);
     /* Before the first poll both states are 0, which would read as a loss. */
@@ -195,7 +195,7 @@ static void subdevice_event(struct fsn_changes *changes, uint32_t number,
                    after->detail);
 }
 
-/** One line for a bus that is lost or back as a whole. Returns whether it is. */
+/** Reports one line for a bus that is completely lost or recovered. Returns whether it is. */
 static bool whole_bus(struct fsn_changes *changes, uint32_t count, uint32_t lost, uint32_t back,
                       const char *detail, uint64_t now_ns) {
     if (count < 2 || (lost != count && back != count)) {
@@ -243,7 +243,7 @@ static void poll_clocks(struct fsn_changes *changes, uint64_t now_ns) {
     const struct fsn_statistics *s = &changes->view->statistics;
     if ((clocks.state == FSN_CLOCKS_LOST || clocks.state == FSN_CLOCKS_UNKNOWN) &&
         s->expected_wkc > 0 && s->actual_wkc == 0) {
-        return; /* no answer at all, which has a line of its own */
+        return; /* no answer at all, which has a separate line */
     }
     const bool first = changes->clocks == FSN_CLOCKS_UNKNOWN;
     struct fsn_json *json = fsn_event_begin(changes->events, "clocks", now_ns);
@@ -268,7 +268,8 @@ static void poll_clocks(struct fsn_changes *changes, uint64_t now_ns) {
     changes->clocks = clocks.state;
 }
 
-/** A group comes or goes, which is not a fault; or a device at its place is not taken in. */
+/** A group is attached or removed, which is not a fault; or a device at its place is not
+ *  accepted. */
 static void poll_groups(struct fsn_changes *changes, bool first, uint64_t now_ns) {
     for (uint32_t n = 0; n < fsn_plan_group_count(changes->view->plan); n++) {
         const struct fsn_group_info info = fsn_known_group(changes->view->plan, n);
@@ -333,7 +334,7 @@ static void poll_subdevices(struct fsn_changes *changes, struct fsn_incidents *i
         back += changes->view->subdevices_known && !was && after.al_status != FSN_AL_NONE;
     }
     after.detail[FSN_DETAIL_BYTES - 1] = 0;
-    /* If all are lost at once, one event for the bus replaces one for each SubDevice. */
+    /* If all are lost at the same time, one event for the bus replaces one for each SubDevice. */
     const bool reported = whole_bus(changes, always, lost, back, after.detail, now_ns);
     for (uint32_t i = 0; fsn_core_subdevice(changes->view->core, i, &after) == FSN_OK; i++) {
         after.detail[FSN_DETAIL_BYTES - 1] = 0;
@@ -352,8 +353,8 @@ static const char *plural(uint64_t number) {
     return number == 1 ? "" : "s";
 }
 
-/** Losses of the cycle since the last line, as text; the overruns and late replies name the cause.
- */
+/** Losses of the cycle since the last line as text; overruns and late replies indicate the
+ *  cause. */
 static void wkc_text(const struct fsn_changes *changes, const struct fsn_statistics *s, char *text,
                      size_t room_bytes) {
     const uint64_t late = s->old_replies - changes->old_replies;
@@ -415,7 +416,7 @@ static void poll_wkc(struct fsn_changes *changes, uint64_t now_ns) {
     }
 }
 
-/** Another MainDevice sends on this bus: at once, then at most once a minute. */
+/** Another MainDevice sends on this bus: reported immediately, then at most once a minute. */
 static void poll_foreign(struct fsn_changes *changes, uint64_t now_ns) {
     const struct fsn_statistics *s = &changes->view->statistics;
     if (s->foreign_frames == changes->foreign_frames ||

@@ -4,7 +4,7 @@
 
 #include "control/incidents/incidents.h"
 
-/** A group as it was reported last. */
+/** A group as last reported. */
 struct fsn_seen_group {
     uint8_t state; /**< enum fsn_group_state */
     uint64_t coming_ns;
@@ -17,7 +17,7 @@ struct fsn_changes {
     struct fsn_events *events;
     uint64_t *reset_reported_ns; /**< per connection: last line on a reset; 0: none */
     bool incomplete;             /**< working counter of the last poll */
-    bool differed;               /**< a connection has had other parameters than the plan */
+    bool differed;               /**< a connection has had parameters that differ from the plan */
     bool wkc_lost;               /**< the missing answers were logged */
     uint64_t wkc_errors, lost_frames, old_replies, unsent_frames, overruns; /**< last reported */
     uint64_t events_lost;                                                   /**< last reported */
@@ -25,9 +25,9 @@ struct fsn_changes {
     uint64_t foreign_reported_ns;
     uint64_t wkc_reported_ns, polled_ns;
     struct fsn_seen_group *group; /**< of each group of the plan */
-    struct fsn_bus_ring ring;     /**< as reported last */
-    uint8_t clocks;               /**< enum fsn_clocks, as reported last */
-    uint64_t cycle;               /**< the last one that was polled */
+    struct fsn_bus_ring ring;     /**< as last reported */
+    uint8_t clocks;               /**< enum fsn_clocks, as last reported */
+    uint64_t cycle;               /**< the last cycle that was polled */
 };
 
 /** @return false  out of memory. */
@@ -35,10 +35,10 @@ bool fsn_changes_init(struct fsn_changes *changes, struct fsn_bus_view *view,
                       struct fsn_events *events);
 void fsn_changes_free(struct fsn_changes *changes);
 
-/** There is another core, or none: forgets the state of the bus. */
+/** There is another core, or none: resets the state of the bus. */
 void fsn_changes_reset(struct fsn_changes *changes);
 
-/** Polls the bus; sends an event for every change. Some of them begin an incident. */
+/** Polls the bus; sends an event for every change. Some changes begin an incident. */
 void fsn_changes_poll(struct fsn_changes *changes, struct fsn_incidents *incidents,
                       uint64_t now_ns);
 

@@ -20,7 +20,8 @@ enum { MOST_BYTES = 32 << 20, MOST_NAMES = 1000 };
 
 /* -- the window ----------------------------------------------------------------------------- */
 
-/** The first cycle at or after `from_ns` that is still there, and not more than `most` in all. */
+/** The first cycle at or after `from_ns` that is still available, limited to `most` cycles in
+ *  all. */
 static uint64_t first_cycle(const struct fsn_core *core, uint64_t last, uint64_t from_ns,
                             uint64_t most) {
     uint64_t first = last + 1;
@@ -43,7 +44,7 @@ struct fsn_window fsn_window_take(const struct fsn_core *core, uint64_t from_ns)
     w.cycles = calloc(last - first + 1, sizeof *w.cycles);
     w.images = calloc(last - first + 1, w.image_bytes);
     for (uint64_t c = first; w.cycles != NULL && w.images != NULL && c <= last; c++) {
-        /* One that was overwritten meanwhile is left out: its number is missing then. */
+        /* A cycle that was overwritten in the meantime is omitted: its number is then missing. */
         if (fsn_core_record(core, c, &w.cycles[w.count], NULL,
                             w.images + w.count * w.image_bytes) == FSN_OK) {
             w.count++;
@@ -71,7 +72,7 @@ struct fsn_incident_file {
     struct fsn_incident_result result;
 };
 
-/** Bytes of all incident files in a folder, of this run and of those before. */
+/** Bytes of all incident files in a folder, of this and earlier runs. */
 static uint64_t bytes_in(const char *folder) {
     uint64_t bytes = 0;
     DIR *rows = opendir(folder);
@@ -91,7 +92,7 @@ static uint64_t bytes_in(const char *folder) {
     return bytes;
 }
 
-/** Opens a file that was not there; nothing that exists is touched. */
+/** Opens a new file; existing files are not changed. */
 static int open_new(struct fsn_incident_file *file) {
     if (bytes_in(file->folder) >= file->most_bytes) {
         file->result.full = true;
@@ -127,7 +128,7 @@ static void put_number(FILE *out, const char *key, uint64_t value) {
     }
 }
 
-/** One line; values as in the line before, or as expected, are left out. */
+/** Writes one line; values that are unchanged or as expected are omitted. */
 static void put_cycle(FILE *out, const struct fsn_window *w, uint64_t number) {
     const struct fsn_cycle *c = &w->cycles[number];
     const uint8_t *image = w->images + number * w->image_bytes;
@@ -150,7 +151,7 @@ static void put_cycle(FILE *out, const struct fsn_window *w, uint64_t number) {
     fputs("}\n", out);
 }
 
-/** Writes until it is whole, or the system refuses; false with errno then. */
+/** Writes until it is complete, or the system refuses; then false with errno. */
 static bool write_all(struct fsn_incident_file *file, FILE *out) {
     const struct fsn_window *w = &file->window;
     fwrite(file->head.bytes, 1, file->head.len_bytes, out);
@@ -165,7 +166,7 @@ static bool write_all(struct fsn_incident_file *file, FILE *out) {
     return fflush(out) == 0 && fsync(fileno(out)) == 0;
 }
 
-/** Reads a file that was written, for its hash.   @return 0, or errno. */
+/** Reads a written file to calculate its hash.   @return 0, or errno. */
 static int hash_file(int fd, uint8_t digest[FSN_SHA256_BYTES]) {
     struct fsn_sha256_run hash;
     char piece[4096];

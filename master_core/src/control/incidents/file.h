@@ -1,4 +1,4 @@
-/** The file of one incident, written by a thread of its own. */
+/** The file of one incident, written by a separate thread. */
 #ifndef FSN_CONTROL_INCIDENT_FILE_H
 #define FSN_CONTROL_INCIDENT_FILE_H
 
@@ -9,7 +9,7 @@ enum { FSN_INCIDENT_PATH = 512 };
 
 #define FSN_INCIDENT_SUFFIX ".fsnincident"
 
-/** Cycles copied out of the recorder, one after the other. */
+/** Cycles copied from the recorder, one after another. */
 struct fsn_window {
     uint64_t count;
     uint32_t image_bytes;
@@ -17,14 +17,14 @@ struct fsn_window {
     uint8_t *images;          /**< owned; count times image_bytes */
 };
 
-/** Copies the cycles since `from_ns` out of the recorder; older ones are left out where they would
- *  need more than 32 MiB. Without a recorder or memory it is empty. */
+/** Copies the cycles since `from_ns` from the recorder; older ones are omitted if they would need
+ *  more than 32 MiB. Empty without a recorder or memory. */
 struct fsn_window fsn_window_take(const struct fsn_core *core, uint64_t from_ns);
 void fsn_window_free(struct fsn_window *window);
 
 struct fsn_incident_file;
 
-/** Starts writing; takes ownership of head and window, also when it fails.
+/** Starts writing; takes ownership of head and window, even if it fails.
  *  @param[in] folder, stem  the file is `folder/stem.fsnincident`, or with a number after the stem.
  *  @param[in] most_bytes    limit for all incident files of the folder together; then no further
  *      one is written.
@@ -36,10 +36,10 @@ struct fsn_incident_file *fsn_incident_file_begin(const char *folder, const char
 /** Result. */
 struct fsn_incident_result {
     char path[FSN_INCIDENT_PATH];
-    uint8_t sha256[FSN_SHA256_BYTES]; /**< of a file that is whole */
-    uint64_t cycles;                  /**< written */
-    int error;                        /**< 0, or errno: it ends early */
-    bool full; /**< it was not begun: the files in the folder have their most bytes */
+    uint8_t sha256[FSN_SHA256_BYTES]; /**< of a complete file */
+    uint64_t cycles;                  /**< number written */
+    int error;                        /**< 0, or errno: the file ends early */
+    bool full; /**< it was not begun: the files in the folder have reached their limit */
 };
 
 /** Whether the thread is done; if so, it is freed. */

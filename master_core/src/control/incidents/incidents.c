@@ -18,18 +18,18 @@
 #include "plan/plan_internal.h"
 
 enum {
-    BEFORE_MS = 5000,   /**< kept before the moment */
-    AFTER_MS = 1000,    /**< and after it */
+    BEFORE_MS = 5000,   /**< recorded before the moment */
+    AFTER_MS = 1000,    /**< recorded after it */
     LATE_MS = 1000,     /**< longest wait for a cycle after that */
-    PAUSE_MS = 10000,   /**< between two that were not requested, in the long run */
+    PAUSE_MS = 10000,   /**< between two files that were not requested, in the long run */
     AT_ONCE = 3,        /**< files without that pause: a second failure has its own */
     PATIENCE_MS = 5000, /**< time in OP without Data */
     ANSWER_MS = 2000,   /**< longest wait for the FSoE values of the SubDevices */
-    POLL_MS = 500,      /**< between two searches for those */
-    MOST_FILES = 100,   /**< of one run of the program, against a connection that flaps for days */
+    POLL_MS = 500,      /**< between two searches for incomplete connections */
+    MOST_FILES = 100,   /**< of one run of the program, to limit a connection that flaps for days */
 };
 
-/** 0, or errno why the folder is not writable. */
+/** Returns 0, or the errno that explains why the folder is not writable. */
 static int why_not(const char *folder) {
     struct stat found;
     if (stat(folder, &found) != 0) {
@@ -124,7 +124,7 @@ static void put_stem(const struct fsn_pending *p, char *stem, size_t room_bytes)
     stem[used] = 0;
 }
 
-/** The window is over: hands everything to the thread that writes. */
+/** The window has ended: passes everything to the thread that writes. */
 static void finish(struct fsn_incidents *in) {
     struct fsn_pending *p = &in->pending;
     struct fsn_json head = {.limit_bytes = FSN_INCIDENT_HEAD_BYTES};
@@ -183,8 +183,8 @@ static void tell_result(struct fsn_incidents *in, const struct fsn_incident_resu
 
 /* -- beginning ------------------------------------------------------------------------------ */
 
-/** In the long run one file each ten seconds, so that a connection that flaps does not fill the
- *  disk; a few may come at once. */
+/** In the long run one file every ten seconds, so that a connection that flaps does not fill the
+ *  disk; a few are allowed at once. */
 static bool is_too_soon(struct fsn_incidents *in, uint64_t now_ns) {
     return !fsn_pace_allows(&in->due_ns, now_ns, AT_ONCE, PAUSE_MS * UINT64_C(1000000));
 }
@@ -241,7 +241,7 @@ void fsn_incident_subdevice(struct fsn_incidents *in, uint32_t number,
                             const struct fsn_bus_subdevice *seen, uint64_t now_ns) {
     const bool wrong = seen->found > FSN_FOUND_RIGHT && seen->found != FSN_FOUND_ABSENT;
     if (in == NULL || (!wrong && seen->al_status != FSN_AL_OP)) {
-        return; /* it is brought further, or tried again: not decided yet */
+        return; /* it is still starting, or will be retried: not decided yet */
     }
     const bool reported = in->refused[number] != 0;
     in->refused[number] = wrong;
@@ -259,7 +259,7 @@ void fsn_incident_subdevice(struct fsn_incidents *in, uint32_t number,
 
 void fsn_incident_connection(struct fsn_incidents *in, uint32_t number, uint32_t observed) {
     if (in != NULL && fsn_observed_is_data(observed)) {
-        in->reported[number] = 1; /* from here on it can only leave Data */
+        in->reported[number] = 1; /* from here on, it can only leave Data */
     }
 }
 
@@ -279,7 +279,7 @@ static void not_connected(struct fsn_incidents *in, uint32_t number, uint64_t no
     (void)fsn_incident_begin(in, &trigger);
 }
 
-/** Every SubDevice works and a connection does not: no other line reports it. */
+/** Every SubDevice is in OP but a connection is not in Data: no other line reports this. */
 static void find_missing(struct fsn_incidents *in, uint64_t now_ns) {
     const struct fsn_control_status status = fsn_program_status(in->view->host);
     if (in->view->core == NULL || strcmp(status.state, "running") != 0) {

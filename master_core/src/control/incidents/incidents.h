@@ -1,7 +1,7 @@
 /** Incidents: the bus data before and after a connection left Data, each written to a file.
  *
- *  The control thread notices and copies a window out of the recorder; a thread of its own writes
- *  the file, since a disk may be slow or full. Format: docs/reference/incident-file.md. */
+ *  The control thread detects the incident and copies a window from the recorder. A separate thread
+ *  writes the file, because a disk may be slow or full. Format: docs/reference/incident-file.md. */
 #ifndef FSN_CONTROL_INCIDENT_H
 #define FSN_CONTROL_INCIDENT_H
 
@@ -21,21 +21,21 @@ fsn_status fsn_incidents_create(const char *folder, struct fsn_bus_view *view,
                                 struct fsn_events *events, struct fsn_job_queue *jobs,
                                 struct fsn_incidents **incidents, struct fsn_refusal *refusal);
 
-/** Limit in bytes for the incident files in the folder, of all runs; no further file is written
- *  then. */
+/** Limit in bytes for the incident files in the folder, of all runs; when it is reached, no further
+ *  file is written. */
 void fsn_incidents_limit(struct fsn_incidents *incidents, uint64_t most_bytes);
 
-/** Waits until a file that is being written is whole. NULL is allowed. */
+/** Waits until a file that is being written is complete. NULL is allowed. */
 void fsn_incidents_free(struct fsn_incidents *incidents);
 
-/** Something happened that is worth a file. While one is being kept the next is only an event in
+/** Something happened that is worth a file. While one is in progress, the next is only an event in
  *  it. Fields that do not apply are NULL or 0. */
 struct fsn_trigger {
     const char *kind; /**< left_data, not_connected, refused, bus_failed or request */
     const char *connection, *subdevice, *before, *after, *reset_by, *reset_text;
     uint8_t reset_code;
     uint64_t now_ns;
-    const char *text;              /**< for people */
+    const char *text;              /**< in words */
     const struct fsn_fault *fault; /**< of bus_failed */
 };
 
@@ -44,22 +44,22 @@ struct fsn_trigger {
  *  @retval false  no file will be written. */
 bool fsn_incident_begin(struct fsn_incidents *incidents, const struct fsn_trigger *trigger);
 
-/** A connection is in this state now: one that was in Data has come to it. */
+/** A connection is now in this state; records that it has reached Data. */
 void fsn_incident_connection(struct fsn_incidents *incidents, uint32_t number, uint32_t observed);
 
-/** A SubDevice has changed: one that is not as planned, or refuses a state or an object, is an
- *  incident; once until it is in OP. */
+/** A SubDevice has changed: if it differs from the plan, or refuses a state or an object, this is
+ *  an incident, once until it is in OP. */
 void fsn_incident_subdevice(struct fsn_incidents *incidents, uint32_t number,
                             const struct fsn_bus_subdevice *seen, uint64_t now_ns);
 
-/** Keeps an event line for the next file. */
+/** Stores an event line for the next file. */
 void fsn_incident_event(struct fsn_incidents *incidents, const char *json, size_t len_bytes);
 
-/** To be called in every turn: ends windows, detects connections that do not reach Data, reports
+/** Must be called in every turn: ends windows, detects connections that do not reach Data, reports
  *  written files. */
 void fsn_incident_turn(struct fsn_incidents *incidents, uint64_t now_ns);
 
-/** A job is done; it may be the one that read the FSoE values of the SubDevices. */
+/** A job is done; it may have read the FSoE values of the SubDevices. */
 void fsn_incident_job_done(struct fsn_incidents *incidents, struct fsn_job *job);
 
 /** The core is about to end: the incident in progress is written with the available data. */

@@ -1,4 +1,4 @@
-/** Data of incidents.c, and the head of its files. */
+/** Data of incidents.c, and of the head of its files. */
 #ifndef FSN_CONTROL_INCIDENT_KEPT_H
 #define FSN_CONTROL_INCIDENT_KEPT_H
 
@@ -16,7 +16,7 @@ struct fsn_pending {
     bool has_fault;
     struct fsn_fault fault;
     uint64_t now_ns, cycle, until_ns;
-    uint64_t late_ns; /**< when the time was over and the last cycle was not; 0: not yet */
+    uint64_t late_ns; /**< when the window ended before the last cycle was complete; 0: not yet */
 };
 
 struct fsn_incidents {
@@ -24,20 +24,20 @@ struct fsn_incidents {
     struct fsn_events *events;
     struct fsn_job_queue *jobs;
     char folder[FSN_INCIDENT_PATH / 2];
-    uint64_t most_bytes; /**< of all incident files in it, before a further one */
+    uint64_t most_bytes; /**< of all incident files in it, before another one is begun */
     struct fsn_pending pending;
-    struct fsn_job *job;            /**< reads the FSoE values of the SubDevices; or NULL */
-    struct fsn_json fsoe;           /**< their answer; empty without an answer */
+    struct fsn_job *job;            /**< reads the FSoE values of the SubDevices, or NULL */
+    struct fsn_json fsoe;           /**< their answer; empty if there is none */
     struct fsn_incident_file *file; /**< being written */
-    char text[640];                 /**< of the one being written */
+    char text[640];                 /**< of the file being written */
     uint64_t due_ns;                /**< when the next one is due; see is_too_soon() */
     uint64_t in_op_ns, polled_ns;   /**< 0: not all are in OP */
     uint8_t *reported;              /**< per connection: it was in Data, or reported as missing */
-    uint8_t *refused;               /**< per SubDevice: it was not as planned, and reported */
+    uint8_t *refused;               /**< per SubDevice: its difference was reported */
     uint32_t connections;
     unsigned files;
     bool full_reported;
-    char *event[FSN_INCIDENT_EVENTS]; /**< the last ones, a ring */
+    char *event[FSN_INCIDENT_EVENTS]; /**< the last events, as a ring */
     unsigned next_event;
 };
 

@@ -4,23 +4,23 @@
 #include "plan/plan_internal.h"
 
 struct range {
-    uint16_t from, to; /**< both included */
+    uint16_t from, to; /**< both inclusive */
     const char *why;
 };
 
-/** On every SubDevice. */
+/** For every SubDevice. */
 static const struct range always[] = {
     {0xE000, 0xEFFF, "it belongs to a safety module: its project and its own tool write it"},
     {0xF980, 0xF98F, "it is an FSoE address: set it at the device or with its maker's tool"},
 };
 
-/** While the bus runs, on every SubDevice. */
+/** While the bus runs, for every SubDevice. */
 static const struct range running[] = {
     {0x1600, 0x1BFF, "it maps process data, which the plan fixes while the bus runs"},
     {0x1C00, 0x1C3F, "it sets up a sync manager, which the plan fixes while the bus runs"},
 };
 
-/** On SubDevices that carry FSoE frames. */
+/** For SubDevices with FSoE frames. */
 static const struct range safety[] = {
     {0x1011, 0x1011, "it would restore parameters of a SubDevice with a safety connection"},
     {0x1600, 0x1BFF, "it maps process data of a SubDevice with a safety connection"},
@@ -67,8 +67,8 @@ static bool is_between(const struct fsn_plan *plan, uint32_t sm, uint16_t index,
     return false;
 }
 
-/** Whether an object holds parameters, information or diagnosis (0x8nnx to 0xAnnx) of the module
- *  whose frame at a byte of a sync manager is mapped from 0x6nnx or 0x7nnx. */
+/** Whether an object contains parameters, information or diagnosis (0x8nnx to 0xAnnx) of the module
+ *  whose frame, at a byte of a sync manager, is mapped from 0x6nnx or 0x7nnx. */
 static bool is_of_module(const struct fsn_plan *plan, const struct fsn_block_info *frame,
                          uint16_t index) {
     const uint16_t parameters =

@@ -7,7 +7,7 @@
 #include "fsn/plan.h"
 
 /** Whether an object may be written, by plan and state of the bus.
- *  @return NULL, or why not. */
+ *  @return NULL, or the reason why not. */
 const char *fsn_guard_write(const struct fsn_plan *plan, uint32_t subdevice, uint16_t index,
                             bool bus_runs);
 

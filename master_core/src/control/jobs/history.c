@@ -42,7 +42,7 @@ static void put_text(const uint8_t *bytes, uint32_t size, unsigned step, struct 
     fsn_json_text(json, text);
 }
 
-/** One parameter; returns its bytes, 0 when it cannot be understood. */
+/** Writes one parameter; returns its bytes, 0 if it is invalid. */
 static uint32_t put_parameter(const uint8_t *at, uint32_t left, struct fsn_json *json) {
     if (left < 2) {
         return 0;

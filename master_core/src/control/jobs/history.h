@@ -4,7 +4,7 @@
 
 #include "control/base/json.h"
 
-/** Decodes a message of 0x10F3; false when it is not one. */
+/** Decodes a message of 0x10F3; false if it is invalid. */
 bool fsn_history_message(const uint8_t *bytes, uint32_t size_bytes, uint32_t id,
                          struct fsn_json *json);
 

@@ -8,7 +8,7 @@
 #include "control/survey/survey.h"
 
 enum {
-    MOST_S = 60, /**< for anything but a scan */
+    MOST_S = 60, /**< for any job except a scan */
     HISTORY = 0x10F3,
     FIRST_MESSAGE = 6,
     MESSAGE_ROOM = 4096,
@@ -61,7 +61,8 @@ static fsn_status fault_text(struct fsn_job *job, const struct fsn_plan *plan, f
     case FSN_E_BUS_STATE:
         return fsn_refusal_set(r, status, "subdevices shows its AL state",
                                "%.80s: its answer is invalid, or its mailbox is closed", name);
-    /* The same status for a job that took too long and for a bus that stops under it. */
+    /* The same status for a job that took too long and for a bus that was stopped in the
+     * meantime. */
     case FSN_E_STATE:
         return is_late(job)
                    ? fsn_refusal_set(r, status, NULL, "%.80s: not done within %d s", name, MOST_S)
@@ -131,7 +132,7 @@ static fsn_status read_byte(struct doing *d, uint8_t sub, uint8_t *byte, uint32_
     return status;
 }
 
-/** All messages, the oldest first: they are in a ring of subindices, whose newest is known. */
+/** All messages, oldest first: they are in a ring of subindices whose newest is known. */
 static fsn_status read_history(struct doing *d, uint32_t *abort_code) {
     struct fsn_job *job = d->job;
     uint8_t most, newest;
@@ -190,7 +191,7 @@ static fsn_status do_it(struct doing *d, uint32_t *abort_code) {
     }
 }
 
-/** Into the line of the answer for a client; the FSoE values of an incident go without one. */
+/** Writes the answer for a client as a line; the FSoE values of an incident are written alone. */
 static fsn_status write_answer(struct doing *d, uint32_t *abort_code) {
     struct fsn_json *json = &d->job->json;
     if (d->job->kind == FSN_JOB_FSOE) {

@@ -9,7 +9,7 @@ struct output {
     struct fsn_symbol_info info;
     bool copied;          /**< a copy writes one of its bytes */
     uint32_t owner;       /**< client, or FSN_NOBODY */
-    uint64_t value;       /**< as last written */
+    uint64_t value;       /**< last written value */
     uint32_t armed;       /**< client, or FSN_NOBODY */
     uint64_t armed_until; /**< monotonic, nanoseconds */
 };
@@ -26,8 +26,8 @@ struct fsn_outputs {
     struct named *by_name; /**< sorted */
     uint32_t count;
     struct fsn_core *core; /**< NULL: none */
-    bool closed;           /**< a stop is under way */
-    /* To be written together. */
+    bool closed;           /**< a stop is in progress */
+    /* Outputs to be written together. */
     uint32_t *noted;
     uint64_t *noted_raw;
     size_t noted_count;
@@ -78,7 +78,7 @@ static bool has_place(const struct fsn_outputs *o, uint32_t symbol) {
     return o->core != NULL && fsn_core_sm_base(o->core, o->output[symbol].info.sm) != FSN_NONE;
 }
 
-/** Notes a value for the next write_noted(); a closed output keeps its value. */
+/** Stores a value for the next write_noted(); a closed output keeps its value. */
 static void note(struct fsn_outputs *o, uint32_t symbol, uint64_t raw) {
     if (fsn_core_is_open(o->core, symbol)) {
         o->noted[o->noted_count] = symbol;
@@ -86,7 +86,7 @@ static void note(struct fsn_outputs *o, uint32_t symbol, uint64_t raw) {
     }
 }
 
-/** Writes the noted values, all in one cycle. The core refuses only closed outputs. */
+/** Writes the stored values, all in one cycle. The core refuses only closed outputs. */
 static void write_noted(struct fsn_outputs *o) {
     if (o->noted_count > 0 &&
         fsn_core_set_outputs(o->core, o->noted_count, o->noted, o->noted_raw) == FSN_OK) {
@@ -104,7 +104,7 @@ void fsn_outputs_attach(struct fsn_outputs *outputs, struct fsn_core *core) {
         struct output *output = &outputs->output[i];
         output->owner = FSN_NOBODY;
         output->armed = FSN_NOBODY;
-        output->value = 0; /* as the core begins */
+        output->value = 0; /* the initial value in the core */
         if (output->info.stop_value != 0) {
             note(outputs, i, output->info.stop_value);
         }

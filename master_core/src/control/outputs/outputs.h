@@ -20,7 +20,7 @@ struct fsn_output_state {
     bool open;      /**< a client could write it */
 };
 
-/** One value to be written. */
+/** One value to write. */
 struct fsn_wanted {
     uint32_t symbol;
     uint64_t raw;
@@ -30,16 +30,16 @@ struct fsn_wanted {
 /** Called for each output that fell back to its stop value. */
 typedef void (*fsn_fallback_fn)(void *self, uint32_t symbol);
 
-/** Prepares the symbols of a plan; NULL when out of memory. `plan` must outlive it. */
+/** Prepares the symbols of a plan; NULL if out of memory. `plan` must outlive it. */
 struct fsn_outputs *fsn_outputs_create(const struct fsn_plan *plan);
 void fsn_outputs_free(struct fsn_outputs *outputs);
 
-/** Begins to write into a core; NULL: none, all outputs are closed. Then no output has an owner,
- *  and every open output of the core has its stop value. */
+/** Begins to write into a core; NULL: none, all outputs are closed. Afterwards no output has an
+ *  owner, and every open output of the core has its stop value. */
 void fsn_outputs_attach(struct fsn_outputs *outputs, struct fsn_core *core);
 
-/** No client may write any more; those who did have lost it. Every output they wrote takes its
- *  stop value. */
+/** Clients may no longer write and lose their outputs. Every output that they wrote takes its stop
+ *  value. */
 void fsn_outputs_close(struct fsn_outputs *outputs, fsn_fallback_fn fallback, void *self);
 
 /** Finds an input or an output by its name.   @retval FSN_NONE  no such name. */
@@ -53,16 +53,16 @@ struct fsn_output_state fsn_outputs_state(const struct fsn_outputs *outputs, uin
 fsn_status fsn_outputs_check(const struct fsn_outputs *outputs, uint32_t symbol, uint32_t client,
                              uint64_t raw, uint64_t now_ns, struct fsn_refusal *refusal);
 
-/** Writes values, all in one cycle; the client owns the outputs from then on. Each was checked
- *  before, and none is named twice. */
+/** Writes values, all in one cycle; the client then owns the outputs. Each was checked before, and
+ *  none occurs twice. */
 void fsn_outputs_write(struct fsn_outputs *outputs, uint32_t client, struct fsn_wanted *wanted,
                        size_t count);
 
-/** Allows a client one edge of an output that is restart relevant, within FSN_ARM_MS. */
+/** Allows a client one edge of a restart-relevant output, within FSN_ARM_MS. */
 fsn_status fsn_outputs_arm(struct fsn_outputs *outputs, uint32_t symbol, uint32_t client,
                            uint64_t now_ns, struct fsn_refusal *refusal);
 
-/** Whether a client writes an output, or may make an edge of one. */
+/** Whether a client writes an output, or is allowed an edge of one. */
 bool fsn_outputs_has(const struct fsn_outputs *outputs, uint32_t client);
 
 /** Takes all outputs from a client: they return to their stop values, and are disarmed.

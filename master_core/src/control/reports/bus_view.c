@@ -42,7 +42,7 @@ void fsn_bus_view_free(struct fsn_bus_view *view) {
     free_images(view);
 }
 
-/** Room for images of a core. */
+/** Allocates memory for images of a core. */
 static bool make_images(struct fsn_bus_view *view, const struct fsn_core *core) {
     const size_t bytes = (size_t)fsn_core_image_bytes(core) + 1;
     view->image = malloc(bytes);
@@ -55,7 +55,7 @@ void fsn_bus_view_attach(struct fsn_bus_view *view, struct fsn_core *core) {
     free_images(view);
     view->core = core;
     if (core != NULL && !make_images(view, core)) {
-        view->core = NULL; /* the bus counts as stopped then */
+        view->core = NULL; /* then the bus counts as stopped */
     }
     fsn_outputs_attach(view->outputs, view->core);
     memset(view->subdevice, 0, fsn_plan_subdevice_count(view->plan) * sizeof *view->subdevice);

@@ -9,10 +9,10 @@
 struct fsn_events {
     const struct fsn_control_host *host; /**< its log gets each event */
     struct fsn_json json;                /**< the event being written */
-    const char *name;                    /**< of it; static */
+    const char *name;                    /**< its name; static */
     uint64_t at_ns;
-    enum fsn_role account; /**< whose share of the intervention log it uses */
-    /** Gets each event without its newline; it may add one and hand it on. */
+    enum fsn_role account; /**< role whose share of the intervention log it uses */
+    /** Receives each event without its newline; may add one and forward the event. */
     void (*deliver)(void *self, struct fsn_json *json);
     void *self;
 };
@@ -25,7 +25,7 @@ struct fsn_json *fsn_event_begin(struct fsn_events *events, const char *name, ui
 struct fsn_json *fsn_event_begin_act(struct fsn_events *events, const char *name,
                                      enum fsn_role role);
 
-/** Ends it and sends it. One that has grown too long goes out without the keys that were added. */
+/** Ends and sends it. An event that is too long is sent without the added keys. */
 __attribute__((format(printf, 3, 4))) void
 fsn_event_send(struct fsn_events *events, enum fsn_log_level level, const char *format, ...);
 

@@ -6,23 +6,23 @@
 #include "control/reports/bus_view.h"
 
 enum fsn_group_state {
-    FSN_GROUP_ABSENT, /**< which is not a fault */
-    FSN_GROUP_WRONG,  /**< absent, and another device at its place is not taken in */
-    FSN_GROUP_COMING, /**< not all of it is in OP */
+    FSN_GROUP_ABSENT, /**< not a fault */
+    FSN_GROUP_WRONG,  /**< absent, and another device at its place is not accepted */
+    FSN_GROUP_COMING, /**< not all of its SubDevices are in OP */
     FSN_GROUP_THERE,
 };
 
-/** State of a group from the states of its SubDevices, as one array of the plan. */
+/** State of a group, from an array with the states of all SubDevices of the plan. */
 enum fsn_group_state fsn_group_state(const struct fsn_plan *plan, uint32_t group,
                                      const struct fsn_bus_subdevice *subdevices);
 
-/** "absent", "wrong", "coming" or "there". */
+/** Returns "absent", "wrong", "coming" or "there". */
 const char *fsn_group_text(enum fsn_group_state state);
 
-/** Whether a SubDevice is of a group that is absent now. */
+/** Whether a SubDevice belongs to a group that is absent now. */
 bool fsn_group_is_away(const struct fsn_bus_view *view, uint32_t subdevice);
 
-/** `groups` of the status; nothing of a plan without. */
+/** Writes `groups` of the status; nothing for a plan without groups. */
 void fsn_report_groups(struct fsn_bus_view *view, struct fsn_json *json);
 
 #endif

@@ -26,7 +26,7 @@ static void put_sms(struct fsn_bus_view *view, struct fsn_page *page, struct fsn
     fsn_json_close(json, ']');
 }
 
-/** With the working counters of the last cycle that can be had. */
+/** With the working counters of the last available cycle. */
 static void put_datagrams(struct fsn_bus_view *view, struct fsn_page *page, struct fsn_json *json) {
     const struct fsn_core *core = view->core;
     const uint32_t count = fsn_core_datagram_count(core);

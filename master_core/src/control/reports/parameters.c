@@ -4,7 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
-/** Those that a plan can state. */
+/** Parameters that a plan can state. */
 static const struct {
     uint32_t bit;
     const char *key, *text;

@@ -14,7 +14,7 @@ void fsn_report_parameters(struct fsn_json *json, const char *key,
 /** Writes the keys of parameters that differ, as a list. */
 void fsn_report_differs(struct fsn_json *json, uint32_t differs);
 
-/** "watchdog 4000 ms, 400 ms in the plan"; into `room`, which it returns. */
+/** Writes "watchdog 4000 ms, 400 ms in the plan" into `room`, which it returns. */
 const char *fsn_differs_text(uint32_t differs, const struct fsn_parameters *planned,
                              const struct fsn_parameters *observed, char room[FSN_DIFFERS_BYTES]);
 

@@ -5,31 +5,31 @@
 #include "control/base/json.h"
 #include "control/reports/bus_view.h"
 
-/** Part of a report whose rows do not all fit one reply. Zero means the whole report. */
+/** Part of a report whose rows do not all fit into one reply. Zero means the whole report. */
 struct fsn_page {
-    uint32_t first;     /**< of the rows to write */
+    uint32_t first;     /**< first row to write */
     size_t limit_bytes; /**< no row is begun beyond this length of the report; 0: no limit */
     uint32_t row;       /**< rows so far, written or not */
-    uint32_t next;      /**< first row of the next page; 0: none is left */
+    uint32_t next;      /**< first row of the next page; 0: no further page */
 };
 
-/** Counts a row, and returns whether it is of this page. A page has at least one row. */
+/** Counts a row, and returns whether it belongs to this page. A page has at least one row. */
 bool fsn_page_takes(struct fsn_page *page, const struct fsn_json *json);
 
-/** State of program and bus, short. `clients`: how many are connected. */
+/** Short state of program and bus. `clients`: number of connected clients. */
 void fsn_report_status(struct fsn_bus_view *view, uint32_t clients, struct fsn_json *json);
 fsn_status fsn_report_subdevices(struct fsn_bus_view *view, struct fsn_page *page,
                                  struct fsn_json *json);
-/** The ring, or null if the bus is not a ring or is stopped; its keys alone. */
+/** The ring, or null if the bus is not a ring or is stopped; only its keys. */
 void fsn_report_ring(struct fsn_bus_view *view, struct fsn_json *json);
 void fsn_report_ring_keys(const struct fsn_bus_ring *ring, struct fsn_json *json);
-/** The distributed clocks, or null if none are in use or the bus is stopped; its keys alone. */
+/** The distributed clocks, or null if none are in use or the bus is stopped; only their keys. */
 void fsn_report_clocks(struct fsn_bus_view *view, struct fsn_json *json);
 void fsn_report_clocks_keys(const struct fsn_bus_clocks *clocks, struct fsn_json *json);
 fsn_status fsn_report_symbols(struct fsn_bus_view *view, struct fsn_page *page,
                               struct fsn_json *json);
 
-/** Fingerprint of the loaded plan, with the version of the engine and the cycle that is used. */
+/** Fingerprint of the loaded plan, with the version of the engine and the cycle in use. */
 void fsn_report_fingerprint(struct fsn_bus_view *view, struct fsn_json *json);
 
 /** State of the intervention log. */
@@ -38,14 +38,14 @@ void fsn_report_interventions(const struct fsn_interventions *log, struct fsn_js
 /** Statistics and connections of one cycle, and the SubDevices. FSN_E_STATE without a core. */
 fsn_status fsn_report_snapshot(struct fsn_bus_view *view, struct fsn_page *page,
                                struct fsn_json *json);
-/** The same for a file that is written in any case: without a core null and no connections. */
+/** The same for a file that is written in any case: without a core, null and no connections. */
 void fsn_report_last_cycle(struct fsn_bus_view *view, struct fsn_json *json);
 
 /** Positions in the image. FSN_E_STATE without a core. */
 fsn_status fsn_report_layout(struct fsn_bus_view *view, struct fsn_page *page,
                              struct fsn_json *json);
 
-/** Name of a SubDevice under a key. */
+/** Writes the name of a SubDevice under a key. */
 void fsn_report_name(struct fsn_bus_view *view, struct fsn_json *json, const char *key,
                      uint32_t subdevice);
 

@@ -92,7 +92,7 @@ void fsn_report_clocks(struct fsn_bus_view *view, struct fsn_json *json) {
     fsn_json_close(json, '}');
 }
 
-/** How many connections have shown their parameters, and how many others than the plan has. */
+/** Number of connections with known parameters, and of those that differ from the plan. */
 static void put_parameters(struct fsn_bus_view *view, struct fsn_json *json, bool taken) {
     uint32_t observed = 0;
     uint32_t differing = 0;
@@ -125,7 +125,7 @@ static void put_cycle(struct fsn_bus_view *view, struct fsn_json *json) {
     put_parameters(view, json, taken);
 }
 
-/** Each of several buses; the values above count all of them together. */
+/** Writes each of several buses; the values above are for all of them together. */
 static void put_buses(struct fsn_bus_view *view, const struct fsn_control_status *status,
                       struct fsn_json *json) {
     const uint32_t count = fsn_plan_bus_count(view->plan);
@@ -170,7 +170,7 @@ void fsn_report_interventions(const struct fsn_interventions *log, struct fsn_js
     fsn_json_put_text_or_null(json, "error", log->error);
 }
 
-/** The record that was required, and who signed it. */
+/** The required record, and its signers. */
 static void put_acceptance(const struct fsn_control_status *status, struct fsn_json *json) {
     if (status->acceptance == NULL) {
         fsn_json_put_text_or_null(json, "acceptance", NULL);

@@ -129,7 +129,7 @@ struct fsn_cause fsn_client_cause(const struct fsn_client *client, const char *w
                               .status = status};
 }
 
-/** Names the last one, and counts it with those before. */
+/** Reports the last cause, with the number of counted ones. */
 static void report_counted(struct fsn_services *services, enum fsn_quota_kind kind,
                            const struct fsn_cause *last, uint32_t times) {
     const bool refused = kind == FSN_QUOTA_REFUSED;
@@ -170,7 +170,7 @@ static void add_output(void *self, uint32_t symbol) {
     fsn_json_text(&services->events.json, fsn_known_symbol(services->view.plan, symbol).name);
 }
 
-/** Takes a client out of the cycle; its outputs have their stop values before. */
+/** Removes a client from the cycle; its outputs already have their stop values. */
 static void leave_cycle(struct fsn_services *services, struct fsn_client *client) {
     if (client->place != 0) {
         fsn_core_client_close(services->view.core, client->place - 1);
@@ -247,7 +247,7 @@ void fsn_client_drop(struct fsn_services *services, struct fsn_client *client, c
     fsn_stream_end(client);
     fsn_client_close_passed(client);
     client->sent = 0;
-    /* After it is gone, so that it cannot be informed about its own end. */
+    /* After it is closed, so that it is not informed about its own end. */
     if (strcmp(why, "disconnected") != 0) {
         report_dropped(services, client, why);
     }

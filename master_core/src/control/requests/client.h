@@ -15,70 +15,71 @@ enum {
 /** Cycles that a client subscribes to. */
 struct fsn_stream {
     uint32_t every;    /**< 0: none */
-    bool image;        /**< whole images, else the values of `symbols` */
+    bool image;        /**< whole images, otherwise the values of `symbols` */
     bool typed;        /**< values in the units of their symbols */
     uint64_t next;     /**< cycle of the next line */
-    uint64_t skipped;  /**< lines left out since the last one */
+    uint64_t skipped;  /**< lines omitted since the last one */
     uint32_t *symbols; /**< owned */
     size_t count;
 };
 
 struct fsn_client {
     int fd;          /**< -1: the slot is free */
-    uint32_t number; /**< rising, never used twice, never FSN_NOBODY */
+    uint32_t number; /**< increasing, never reused, never FSN_NOBODY */
     struct fsn_peer peer;
-    enum fsn_role role; /**< value at the time it connected */
+    enum fsn_role role; /**< role at the time of the connection */
     bool events;        /**< subscribed */
     struct fsn_stream stream;
-    bool skipping;           /**< inside a line that was too long */
+    bool skipping;           /**< inside a line that is too long */
     const char *drop_reason; /**< reason to drop it, or NULL */
-    bool more;               /**< whole lines are waiting in `in` */
+    bool more;               /**< complete lines are waiting in `in` */
     uint32_t lease_ms;       /**< 0: until it disconnects */
     uint64_t heard_ns;       /**< end of its last request, or of its last lease */
     uint64_t request_ns;     /**< end of its last request, or its beginning */
-    uint64_t moved_ns;       /**< when it last accepted bytes, or had none to accept */
+    uint64_t moved_ns;       /**< when it last accepted bytes, or none were pending */
     size_t in_bytes;
     char in[FSN_LINE_BYTES + 2];
-    struct fsn_job *job; /**< its request in progress; the following lines wait */
-    size_t long_bytes;   /**< of a long answer in `out`, which may be that much longer */
-    struct fsn_json out; /**< replies and events not yet written, `sent` bytes of it gone */
+    struct fsn_job *job; /**< its request in progress; subsequent lines wait */
+    size_t long_bytes;   /**< of a long answer in `out`, not subject to its limit */
+    struct fsn_json out; /**< replies and events to send; `sent` bytes are already sent */
     size_t sent;
-    uint32_t place;           /**< number in the cycle + 1; 0: none */
+    uint32_t place;           /**< place in the cycle + 1; 0: none */
     int pass[FSN_CLIENT_FDS]; /**< descriptors that go with byte `pass_at` of `out` */
     size_t pass_at;
-    unsigned passes; /**< how many; 0: none */
-    bool begun;      /**< it is in the cycle; else its lease runs */
+    unsigned passes; /**< their number; 0: none */
+    bool begun;      /**< it is in the cycle; until then its lease runs */
 };
 
-/** Appends bytes for a client; it is dropped when it has left too many unread. */
+/** Appends bytes for a client; it is dropped if too many are unread. */
 void fsn_client_put(struct fsn_client *client, const char *bytes, size_t len_bytes);
 
-/** The same for one long answer, which does not count as left unread. */
+/** The same for one long answer, which does not count as unread. */
 void fsn_client_put_long(struct fsn_client *client, const char *bytes, size_t len_bytes);
 
 /** Sends descriptors with the next bytes, and closes them here once they are sent. */
 void fsn_client_pass(struct fsn_client *client, const int *fds, unsigned count);
 
-/** Closes descriptors that have not gone. */
+/** Closes descriptors that have not been sent. */
 void fsn_client_close_passed(struct fsn_client *client);
 
-/** Writes the bytes that a connected client accepts without waiting. false: it has disconnected. */
+/** Writes the bytes that a connected client accepts without waiting; false if it has
+ *  disconnected. */
 bool fsn_client_send(struct fsn_client *client, uint64_t now_ns);
 
-/** Drops a client: its outputs fall back. */
+/** Drops a client; its outputs fall back. */
 void fsn_client_drop(struct fsn_services *services, struct fsn_client *client, const char *why);
 
-/** Adds to an event who a client is. */
+/** Adds the identity of a client to an event. */
 void fsn_client_put_peer(const struct fsn_client *client, struct fsn_json *json);
 
-/** In words: "client 3, pid 12 (fsoe-net), uid 1000 (anna)".   @return room. */
+/** The client in words: "client 3, pid 12 (fsoe-net), uid 1000 (anna)".   @return room. */
 const char *fsn_client_text(const struct fsn_client *client, char room[FSN_CLIENT_TEXT_BYTES]);
 
-/** Events that count against the quota of its user. */
+/** Returns the cause of events that count against the quota of its user. */
 struct fsn_cause fsn_client_cause(const struct fsn_client *client, const char *what,
                                   fsn_status status);
 
-/** Reports events counted against quotas that may be reported now.
+/** Reports events that were counted against quotas and may be reported now.
  *  @param[in] now_ns  UINT64_MAX: all of them, at the end of the program. */
 void fsn_services_report_counted(struct fsn_services *services, uint64_t now_ns);
 
@@ -86,10 +87,10 @@ void fsn_services_report_counted(struct fsn_services *services, uint64_t now_ns)
 void fsn_client_take_back(struct fsn_services *services, struct fsn_client *client,
                           const char *why);
 
-/** Takes back the outputs of clients in the cycle that are late. */
+/** Takes back the outputs of late clients in the cycle. */
 void fsn_services_watch_cycle(struct fsn_services *services);
 
-/** Every output takes its stop value and is closed, until there is another core. */
+/** Every output takes its stop value and is closed until there is another core. */
 void fsn_services_close_outputs(struct fsn_services *services);
 
 #endif

@@ -18,8 +18,7 @@ static bool is_of(const struct fsn_quota row[FSN_QUOTA_KINDS], uid_t uid) {
     return same;
 }
 
-/** The row of a user: its own, else one that is as if it had never been used, else the shared one.
- */
+/** The row of a user: its own, otherwise one that is like new, otherwise the shared one. */
 static struct fsn_quota *row_of(struct fsn_quotas *quotas, uid_t uid, uint64_t now_ns) {
     size_t found = FSN_QUOTA_USERS;
     for (size_t i = 0; i < FSN_QUOTA_USERS; i++) {

@@ -38,7 +38,7 @@ static fsn_status check(struct fsn_request *request, uint32_t symbol) {
                              &request->refusal);
 }
 
-/** Of the outputs that match a word with a *, those that a client may write. */
+/** Selects the outputs that match a word with a * and that the client may write. */
 static fsn_status choose(struct fsn_request *request, struct wanted *wanted) {
     const struct fsn_bus_view *view = &request->services->view;
     for (uint32_t i = 0; i < fsn_plan_symbol_count(view->plan); i++) {
@@ -165,7 +165,7 @@ static fsn_status begin(struct fsn_request *request) {
     return FSN_OK;
 }
 
-/** Data for the client, besides its descriptors. */
+/** Writes data for the client, in addition to its descriptors. */
 static void put_reply(struct fsn_request *request, const struct wanted *wanted) {
     fsn_json_put_u64(request->json, "layout", FSN_SHARED_LAYOUT);
     fsn_json_put_text(request->json, "plan_sha256", request->services->view.sha256);
@@ -187,7 +187,7 @@ fsn_status fsn_answer_realtime(struct fsn_request *request) {
     struct wanted wanted = {0};
     uint32_t place;
     fsn_status found = read_wanted(request, &wanted);
-    /* Before anything is opened: it would be left over if a reply has no room. */
+    /* Before anything is opened: it would remain if the reply does not fit. */
     put_reply(request, &wanted);
     if (found == FSN_OK && request->json->failed == FSN_OK) {
         const struct fsn_core_client in_cycle = {

@@ -1,4 +1,4 @@
-/** One request being answered: one function each, one table in requests.c. */
+/** One request being answered: one function per request, one table in requests.c. */
 #ifndef FSN_CONTROL_REQUEST_H
 #define FSN_CONTROL_REQUEST_H
 
@@ -10,7 +10,7 @@ struct fsn_request {
     const char *name;
     const char *const *argument; /**< words after the name */
     size_t count;
-    struct fsn_json *json; /**< the reply, open, "ok" written */
+    struct fsn_json *json; /**< the reply, open, with "ok" already written */
     struct fsn_refusal refusal;
     const char *tag;        /**< NULL: none */
     bool later;             /**< a job answers */
@@ -25,25 +25,24 @@ typedef fsn_status (*fsn_answer_fn)(struct fsn_request *request);
 fsn_status fsn_request_refuse(struct fsn_request *request, fsn_status status, const char *hint,
                               const char *text);
 
-/** The symbols of a name. Inputs and outputs have names of their own: neither is taken for the
- * other. */
+/** The symbols of a name. Inputs and outputs have separate names and are never confused. */
 struct fsn_named {
     uint32_t input;  /**< or FSN_NONE */
     uint32_t output; /**< or FSN_NONE */
 };
 
-/** Finds the input and the output of a name, or refuses a name that is neither's. */
+/** Finds the input and the output of a name, or refuses an unknown name. */
 fsn_status fsn_request_find(struct fsn_request *request, const char *name, struct fsn_named *found);
 
-/** Marks the inputs and outputs that a word names, or refuses; it may end in *: all that begin so.
+/** Marks the inputs and outputs that a word names, or refuses; a final * matches any ending.
  *  @param[in,out] marks  one per symbol. */
 fsn_status fsn_request_mark(struct fsn_request *request, const char *word, uint8_t *marks);
 
-/** Reports outputs that the client did not write before: they are its own from now on. */
+/** Reports outputs that the client did not write before and now owns. */
 void fsn_request_report_taken(struct fsn_request *request, const struct fsn_wanted *wanted,
                               size_t count);
 
-/** Takes "--typed" off the arguments: values are in the units of their symbols then. */
+/** Removes "--typed" from the arguments: values are then in the units of their symbols. */
 bool fsn_request_typed(struct fsn_request *request);
 
 /* values.c */
@@ -54,9 +53,9 @@ fsn_status fsn_answer_arm(struct fsn_request *request);
 fsn_status fsn_answer_watch(struct fsn_request *request);
 /* realtime.c */
 fsn_status fsn_answer_realtime(struct fsn_request *request);
-/** Adds the clients that are in the cycle; nothing when there are none. */
+/** Adds the clients that are in the cycle; nothing if there are none. */
 void fsn_report_realtime(const struct fsn_services *services, struct fsn_json *json);
-/* transfers.c: begins a job, for which the client's next lines wait. */
+/* transfers.c: begins a job; the client's next lines wait for it. */
 fsn_status fsn_answer_later(struct fsn_request *request);
 
 #endif

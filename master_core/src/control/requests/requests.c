@@ -18,10 +18,10 @@ enum {
 /** One request of the protocol. */
 struct entry {
     const char *name;
-    enum fsn_role role;                          /**< the least that it takes */
+    enum fsn_role role;                          /**< required role */
     size_t least, most;                          /**< number of arguments */
     fsn_answer_fn answer;                        /**< NULL: a job answers later */
-    enum { READS, CHANGES, REFUSED_ONLY } event; /**< which of them are events */
+    enum { READS, CHANGES, REFUSED_ONLY } event; /**< which of them become events */
     const char *usage;
 };
 
@@ -58,7 +58,7 @@ static fsn_status status(struct fsn_request *request) {
 typedef fsn_status (*report_fn)(struct fsn_bus_view *view, struct fsn_page *page,
                                 struct fsn_json *json);
 
-/** Answers one page of a report: from the row of the argument on, with the next row as `next`. */
+/** Answers one page of a report: from the row in the argument on, with the next row as `next`. */
 static fsn_status paged(struct fsn_request *request, report_fn report) {
     uint64_t first = 0;
     if (request->count > 0 && fsn_value_parse_number(request->argument[0], 32, &first) != NULL) {
@@ -95,7 +95,7 @@ static fsn_status symbols(struct fsn_request *request) {
     return paged(request, fsn_report_symbols);
 }
 
-/** The words of a request in one line, as far as there is room. */
+/** The words of a request on one line, as far as they fit. */
 static const char *request_text(const struct fsn_request *request, char *room, size_t room_bytes) {
     size_t used = (size_t)snprintf(room, room_bytes, "%.30s", request->name);
     for (size_t i = 0; i < request->count && used + 1 < room_bytes; i++) {
@@ -104,7 +104,7 @@ static const char *request_text(const struct fsn_request *request, char *room, s
     return room;
 }
 
-/** Adds the arguments, of a refused request their first bytes alone. */
+/** Adds the arguments; of a refused request only their first bytes. */
 static void put_arguments(const struct fsn_request *request, size_t most, struct fsn_json *json) {
     size_t left_out = 0;
     fsn_json_put_open(json, "arguments", '[');
@@ -137,8 +137,8 @@ static void report_granted(struct fsn_request *request) {
                    request_text(request, words, sizeof words));
 }
 
-/** Reports a request that was refused and would have changed something, as often as its user may
- *  cause that; counts it else. */
+/** Reports a refused request that would have changed something, as often as its user may cause
+ *  events; otherwise counts it. */
 static void report_refused(struct fsn_request *request, const char *name) {
     struct fsn_client *client = request->client;
     struct fsn_events *events = &request->services->events;
@@ -289,7 +289,7 @@ static void begin(struct fsn_json *json, const char *tag, bool ok) {
     }
 }
 
-/** Ends a reply. Without memory for it a client would wait in vain. */
+/** Ends a reply. If there is no memory for it, the client must not wait in vain. */
 static void finish(struct fsn_client *client, struct fsn_json *json) {
     fsn_json_close(json, '}');
     fsn_json_end(json);
@@ -337,7 +337,7 @@ static fsn_status answer(struct fsn_request *request) {
         return fsn_refusal_set(&request->refusal, FSN_E_ARG, "help lists the requests",
                                "unknown request %.100s", request->name);
     }
-    /* The role comes before the form: a request that is forbidden must not teach its usage. */
+    /* The role is checked before the form: a forbidden request must not reveal its usage. */
     const bool may = request->client->role >= entry->role;
     const bool fits = request->count >= entry->least && request->count <= entry->most;
     if (may && !fits) {
@@ -349,14 +349,14 @@ static fsn_status answer(struct fsn_request *request) {
                                               : entry->answer(request);
     if (found == FSN_OK && entry->event == CHANGES) {
         report_granted(request);
-        /* Refused changes are recorded as well: a client has tried them. */
+        /* Refused changes are also recorded, because a client has attempted them. */
     } else if (found != FSN_OK && (!may || entry->event != READS)) {
         report_refused(request, entry->name);
     }
     return found;
 }
 
-/** The request is carried out, but its reply has no room. */
+/** The request was executed, but its reply does not fit. */
 static fsn_status refuse_reply(struct fsn_request *request) {
     return request->json->failed == FSN_E_NOMEM
                ? fsn_request_refuse(request, FSN_E_NOMEM, NULL, "out of memory")
@@ -369,7 +369,7 @@ void fsn_request_answer(struct fsn_services *services, struct fsn_client *client
     struct fsn_json json = {.limit_bytes = FSN_CLIENT_OUT_BYTES / 2};
     struct fsn_request request = {.services = services, .client = client, .json = &json};
     const char *wrong = fsn_words_split(line, len_bytes, &words);
-    /* A tag comes back with the reply, so that a client can send requests without waiting. */
+    /* A tag is returned with the reply, so that a client can send requests without waiting. */
     const bool tagged = wrong == NULL && words.word[0][0] == '#';
     const char *tag = tagged ? words.word[0] + 1 : NULL;
     fsn_status found;
@@ -388,7 +388,7 @@ void fsn_request_answer(struct fsn_services *services, struct fsn_client *client
     }
     /* A job answers by itself when it is done. */
     const bool later = found == FSN_OK && request.later; /* only its job answers */
-    /* A reply that did not fit is replaced: half a JSON document helps no client. */
+    /* A reply that did not fit is replaced: an incomplete JSON document does not help a client. */
     if (found == FSN_OK && !later && json.failed != FSN_OK) {
         found = refuse_reply(&request);
     }

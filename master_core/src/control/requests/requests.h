@@ -6,7 +6,7 @@
 
 enum {
     FSN_CONTROL_PROTOCOL = 1,  /**< version of the protocol; it grows by new words and keys */
-    FSN_LEASE_MS = 1000,       /**< lease of a client that requests no other */
+    FSN_LEASE_MS = 1000,       /**< lease of a client that does not request another */
     FSN_LEASE_MAX_MS = 600000, /**< longest lease */
 };
 
@@ -18,7 +18,7 @@ void fsn_request_answer(struct fsn_services *services, struct fsn_client *client
 void fsn_reply_refusal(struct fsn_client *client, const char *tag,
                        const struct fsn_refusal *refusal);
 
-/** A client's job is done: answers. */
+/** A client's job is done: sends the answer. */
 void fsn_reply_job(struct fsn_client *client, const struct fsn_job *job);
 
 #endif

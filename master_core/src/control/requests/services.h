@@ -1,4 +1,4 @@
-/** Modules that answer requests, put together once. */
+/** Modules that answer requests, combined in one structure. */
 #ifndef FSN_CONTROL_SERVICES_H
 #define FSN_CONTROL_SERVICES_H
 
@@ -15,9 +15,9 @@ struct fsn_services {
     struct fsn_events events;
     struct fsn_quotas quotas; /**< of events about refusals */
     struct fsn_job_queue jobs;
-    struct fsn_incidents *incidents; /**< NULL: none are kept */
-    struct fsn_client *client;       /**< the places of all clients, taken and free */
-    size_t clients;                  /**< how many places */
+    struct fsn_incidents *incidents; /**< NULL: none are recorded */
+    struct fsn_client *client;       /**< the places of all clients, used and free */
+    size_t clients;                  /**< number of places */
     struct fsn_json line;            /**< the cycle being written for a client */
 };
 

@@ -1,5 +1,5 @@
-/** Requests of cycles: a client gets every N-th cycle as a line, out of the recorder of the core. A
- *  slow client is not waited for: missed cycles are counted. */
+/** Requests of cycles: a client gets every N-th cycle as a line from the recorder of the core. A
+ *  slow client does not delay others: its missed cycles are counted. */
 #include "control/requests/stream.h"
 
 #include <stdlib.h>
@@ -11,8 +11,8 @@
 
 enum {
     MOST_EVERY = 1000000,      /**< cycles between two lines */
-    TURN_LINES = 32,           /**< lines for one client before the others have their turn */
-    PENDING_BYTES = 256 << 10, /**< unread bytes of a client that gets no further lines for now */
+    TURN_LINES = 32,           /**< lines for one client before the others are served */
+    PENDING_BYTES = 256 << 10, /**< unread bytes above which a client gets no lines for now */
     LINE_BYTES = 512 << 10,    /**< of one line */
     NUMBER_BYTES = 28,         /**< of a value, with the text around its name */
 };
@@ -22,7 +22,7 @@ void fsn_stream_end(struct fsn_client *client) {
     client->stream = (struct fsn_stream){0};
 }
 
-/** Takes a cycle out of the recorder, for all clients that request the same one. */
+/** Reads a cycle from the recorder, for all clients that request the same one. */
 static fsn_status take(struct fsn_bus_view *view, uint64_t number) {
     struct fsn_recorded *recorded = &view->recorded;
     if (recorded->cycle == number) {
@@ -86,7 +86,7 @@ static void put_line(struct fsn_services *services, struct fsn_client *client) {
     fsn_client_put(client, json->bytes, json->len_bytes);
 }
 
-/** Leaves out the data before cycle `until`. */
+/** Skips the data before cycle `until`. */
 static void skip_to(struct fsn_stream *stream, uint64_t until) {
     if (until > stream->next) {
         const uint64_t count = (until - stream->next + stream->every - 1) / stream->every;
@@ -108,7 +108,7 @@ static void serve(struct fsn_services *services, struct fsn_client *client, uint
             put_line(services, client);
             stream->next += stream->every;
         } else if (found == FSN_E_ARG) {
-            /* Overwritten. The oldest that are left are about to be. */
+            /* Overwritten. The oldest remaining ones will soon be overwritten. */
             const uint64_t kept = fsn_core_kept_cycles(view->core);
             skip_to(stream, last - kept + kept / 8 + 2);
         } else {
@@ -155,7 +155,7 @@ fsn_status fsn_request_mark(struct fsn_request *request, const char *word, uint8
                                  "no input or output begins with %.*s", (int)(len - 1), word);
 }
 
-/** Accepts the marked symbols, and proves that a line of them is not too long. */
+/** Accepts the marked symbols, and checks that a line of them is not too long. */
 static fsn_status collect(struct fsn_request *request, const uint8_t *marks, uint32_t all,
                           struct fsn_stream *stream) {
     size_t bytes = 0;

@@ -97,7 +97,7 @@ static const struct {
     const char *name;
     enum fsn_job_kind kind;
     fsn_status (*read)(struct fsn_request *request,
-                       struct fsn_job *job); /**< beyond the SubDevice; or NULL */
+                       struct fsn_job *job); /**< in addition to the SubDevice; or NULL */
 } kinds[] = {
     {"sdo-read", FSN_JOB_READ, read_upload}, {"sdo-write", FSN_JOB_WRITE, read_write},
     {"sii-read", FSN_JOB_SII, NULL},         {"alias-write", FSN_JOB_ALIAS, read_alias},

@@ -33,7 +33,7 @@ bool fsn_request_typed(struct fsn_request *request) {
     return typed;
 }
 
-/** Writes the value of a symbol under its name; refuses one that the bus has no place for. */
+/** Writes the value of a symbol under its name; refuses one without a place on the bus. */
 static fsn_status put_value(struct fsn_request *request, uint32_t symbol, bool typed) {
     struct fsn_bus_view *view = &request->services->view;
     const struct fsn_symbol_info info = fsn_known_symbol(view->plan, symbol);
@@ -47,7 +47,7 @@ static fsn_status put_value(struct fsn_request *request, uint32_t symbol, bool t
     return FSN_OK;
 }
 
-/** Writes the inputs, or the outputs, that the arguments name. */
+/** Writes the inputs, or the outputs, named by the arguments. */
 static fsn_status put_direction(struct fsn_request *request, bool output, bool typed) {
     fsn_status status = FSN_OK;
     fsn_json_put_open(request->json, output ? "outputs" : "inputs", '{');

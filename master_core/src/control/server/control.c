@@ -120,7 +120,7 @@ void fsn_control_close_outputs(struct fsn_control *control) {
     fsn_services_close_outputs(&control->services);
 }
 
-/** Adds who a client is; of one that has gone its number. */
+/** Adds the identity of a client; for one that has disconnected, only its number. */
 static void put_client(const struct fsn_control *control, uint32_t number, struct fsn_json *json) {
     for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) {
         if (control->client[i].fd >= 0 && control->client[i].number == number) {

@@ -1,4 +1,4 @@
-/** The file of the socket, and who may connect. */
+/** The file of the socket, and access to it. */
 #define _GNU_SOURCE
 
 #include <errno.h>
@@ -59,7 +59,7 @@ fsn_status fsn_control_listen(struct fsn_control *control, const char *path,
     if (fd < 0) {
         return system_refuses(refusal, "socket", path);
     }
-    /* Others need the mode to reach the check of who they are. */
+    /* Other users need the file mode to reach the check of their identity. */
     const bool shared = control->access->users + control->access->groups > 0;
     const mode_t before = umask(shared ? 0111 : 0177);
     const int bound = bind(fd, (const struct sockaddr *)&address, sizeof address);

@@ -13,14 +13,14 @@
 #include "control/server/server.h"
 
 enum {
-    OBSERVER_LINES = 2,    /**< the same of an observer */
+    OBSERVER_LINES = 2,    /**< the same for an observer */
     OBSERVERS_NS = 500000, /**< of a turn, for the requests of all observers */
-    TURN_LINES = 16,       /**< requests of one client before the others have their turn */
+    TURN_LINES = 16,       /**< requests of one client before the others are served */
     STALL_MS = 5000,       /**< a client that reads nothing for this time is dropped */
     IDLE_MS = 5000,        /**< a client without activity for this time makes room for another */
 };
 
-/** Answers the whole lines in the buffer, a few at a time. */
+/** Answers the complete lines in the buffer, a few at a time. */
 static void answer_lines(struct fsn_control *control, struct fsn_client *client) {
     /* Observers get fewer lines in a turn: a flood from them must not delay an operator. */
     const int most = client->role >= FSN_OPERATOR ? TURN_LINES : OBSERVER_LINES;
@@ -40,7 +40,7 @@ static void answer_lines(struct fsn_control *control, struct fsn_client *client)
         size_t len = (size_t)(end - line);
         at += len + 1;
         len -= len > 0 && line[len - 1] == '\r';
-        /* The end of a line that was too long; its beginning was refused already. */
+        /* The end of a line that was too long; its beginning was already refused. */
         if (client->skipping) {
             client->skipping = false;
             continue;
@@ -96,8 +96,8 @@ static short unread(const struct fsn_client *client) {
     return client->fd >= 0 && poll(&there, 1, 0) > 0 ? there.revents : 0;
 }
 
-/** Whether all places are taken, one of them by a client that has gone: the next turn reads its
- *  remaining data, and frees it. */
+/** Whether all places are in use, but one of their clients has disconnected: the next turn reads
+ *  its remaining data and frees the place. */
 static bool is_place_coming(const struct fsn_control *control) {
     bool gone = false;
     for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) {
@@ -116,7 +116,7 @@ static bool is_idle(const struct fsn_control *control, const struct fsn_client *
            !fsn_outputs_has(control->services.view.outputs, client->number) && unread(client) == 0;
 }
 
-/** The client that has been idle longest, for at least this time; NULL: none. */
+/** The client that has been idle longest, and at least for this time; NULL: none. */
 static struct fsn_client *idlest(struct fsn_control *control, uint64_t now_ns, uint64_t least_ns) {
     struct fsn_client *found = NULL;
     for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) {
@@ -129,7 +129,7 @@ static struct fsn_client *idlest(struct fsn_control *control, uint64_t now_ns, u
     return found;
 }
 
-/** How many of the shared places the observers of a user have. */
+/** Number of shared places that the observers of a user have. */
 static size_t places_of(const struct fsn_control *control, uid_t uid) {
     size_t count = 0;
     for (size_t i = 0; i < FSN_CONTROL_SHARED; i++) {
@@ -139,8 +139,8 @@ static size_t places_of(const struct fsn_control *control, uid_t uid) {
     return count;
 }
 
-/** The newest observer of the user with most of the shared places, if that user has two more than
- *  the user `uid`; NULL: none. So one user cannot hold all of them against others. */
+/** The newest observer of the user with most of the shared places, if that user has at least two
+ *  more than the user `uid`; NULL: none. Therefore one user cannot occupy all of them. */
 static struct fsn_client *surplus(struct fsn_control *control, uid_t uid) {
     struct fsn_client *found = NULL;
     size_t most = places_of(control, uid) + 1;
@@ -160,8 +160,8 @@ static struct fsn_client *surplus(struct fsn_control *control, uid_t uid) {
     return found;
 }
 
-/** A place for a new client, NULL: none. Clients with write access have reserved places and need
- *  not wait until a client counts as idle. */
+/** A place for a new client; NULL: none. Clients with write access have reserved places and need
+ *  not wait until another client counts as idle. */
 static struct fsn_client *make_room(struct fsn_control *control, enum fsn_role role, uid_t uid,
                                     uint64_t now_ns) {
     const bool first = role >= FSN_OPERATOR;
@@ -191,7 +191,7 @@ static struct fsn_client *make_room(struct fsn_control *control, enum fsn_role r
     return client;
 }
 
-/** Reports a user that may not connect; all of them share one quota. */
+/** Reports a user without permission to connect; all of them share one quota. */
 static void report_turned_away(struct fsn_control *control, pid_t pid, uid_t uid) {
     const uint64_t now_ns = fsn_now_ns();
     struct fsn_peer peer;
@@ -213,7 +213,7 @@ static void report_turned_away(struct fsn_control *control, pid_t pid, uid_t uid
 
 /** Role of the peer process, from its credentials in the kernel; and its user. */
 static enum fsn_role read_role(const struct fsn_control *control, int fd, struct ucred *peer) {
-    enum { GROUPS = 256 }; /* more than any user has: then only its own count matters */
+    enum { GROUPS = 256 }; /* more than any user has: otherwise only its primary group counts */
     gid_t group[1 + GROUPS];
     socklen_t size = sizeof *peer, group_bytes = GROUPS * sizeof *group;
     if (getsockopt(fd, SOL_SOCKET, SO_PEERCRED, peer, &size) != 0) {
@@ -260,8 +260,8 @@ static bool accept_one(struct fsn_control *control) {
     return true;
 }
 
-/** Events and cycles of the core are polled: it has no way to wake this thread. While a client
- *  waits for them, in every cycle. */
+/** Events and cycles of the core are polled, because it cannot wake this thread. In every cycle if
+ *  a client waits for them. */
 static uint64_t next_poll_ns(const struct fsn_control *control) {
     enum { STOPPED_NS = 100000000, POLL_NS = 5000000, LEAST_NS = 100000 };
     if (control->services.view.core == NULL) {
@@ -292,7 +292,7 @@ size_t fsn_control_prepare(struct fsn_control *control, struct pollfd *fds, uint
     fds[0] = (struct pollfd){.fd = control->listener, .events = POLLIN};
     for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) {
         const struct fsn_client *client = &control->client[i];
-        /* While a job is under way nothing is read, so that its answer comes before the next. */
+        /* While a job is in progress nothing is read, so that its answer precedes the next one. */
         short wanted = client->job == NULL && client->in_bytes <= FSN_LINE_BYTES ? POLLIN : 0;
         if (client->sent < client->out.len_bytes) {
             wanted = (short)(wanted | POLLOUT);
@@ -316,12 +316,13 @@ static void serve_client(struct fsn_control *control, struct fsn_client *client,
     }
 }
 
-/** Clients with write access first. The observers share the rest of a turn, and the next turn
- *  continues where this one ended: however many requests they send, they delay only each other. */
+/** Serves clients with write access first. The observers share the rest of a turn, and the next
+ *  turn continues where this one ended: however many requests they send, they delay only each
+ *  other. */
 static void serve_clients(struct fsn_control *control, const struct pollfd *fds, size_t count) {
-    int fd[FSN_CONTROL_CLIENTS]; /* a slot may change hands while this runs */
+    int fd[FSN_CONTROL_CLIENTS]; /* a slot may be reused while this runs */
     bool first[FSN_CONTROL_CLIENTS];
-    /* Clients that may change something are served first and completely. */
+    /* Clients with write access are served first and completely. */
     for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) {
         fd[i] = control->client[i].fd;
         first[i] = control->client[i].role >= FSN_OPERATOR;
@@ -338,7 +339,7 @@ static void serve_clients(struct fsn_control *control, const struct pollfd *fds,
             client->fd != fd[i]) {
             continue;
         }
-        /* The time of observers is limited; the next turn begins with the one that was left out. */
+        /* The time of observers is limited; the next turn begins with the one that was skipped. */
         if (n > 0 && fsn_now_ns() >= end_ns) {
             control->first_observer = i;
             return;
@@ -347,9 +348,9 @@ static void serve_clients(struct fsn_control *control, const struct pollfd *fds,
     }
 }
 
-/** For a client in the cycle the cycles are counted. Any other client was silent if it had no
- *  unread data at the last poll: however long this thread was delayed since, data that came
- *  meanwhile is not read yet. */
+/** For a client in the cycle, cycles are counted. Any other client counts as silent if it had no
+ *  unread data at the last poll: if this thread was delayed since then, data that arrived in the
+ *  meantime have not been read yet. */
 static bool is_silent(const struct fsn_control *control, const struct fsn_client *client) {
     const uint64_t lease_ns = client->lease_ms * UINT64_C(1000000);
     return client->lease_ms != 0 && !client->more && client->job == NULL && !client->begun &&
@@ -377,8 +378,8 @@ static void check_silence(struct fsn_control *control, struct fsn_client *client
 
 void fsn_control_serve(struct fsn_control *control, const struct pollfd *fds, size_t count) {
     serve_clients(control, fds, count);
-    /* Several at once, so that a flood does not fill the queue for others; not all, for the rest.
-     */
+    /* Several at a time, so that a flood does not fill the queue for others; not all, for the same
+     * reason. */
     bool waits = count > 0 && (fds[0].revents & POLLIN) != 0;
     for (int i = 0; waits && i < FSN_CONTROL_CLIENTS; i++) {
         waits = !is_place_coming(control) && accept_one(control);

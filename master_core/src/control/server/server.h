@@ -17,15 +17,15 @@ struct fsn_control {
     uint32_t last_number;
     uint64_t
         turned_away_due_ns; /**< of fsn_pace_allows(): events about users that may not connect */
-    uint32_t turned_away;   /**< tries since the last one */
-    size_t first_observer;  /**< whose turn it is */
+    uint32_t turned_away;   /**< attempts since the last event */
+    size_t first_observer;  /**< the first to be served */
     int listener;           /**< -1: none */
     char path[108];         /**< as long as the system allows */
-    dev_t device;           /**< of the socket's file, to remove only our own */
+    dev_t device;           /**< of the socket's file, so that only our own file is removed */
     ino_t inode;
 };
 
-/** Closes the socket and removes its file, if it is still ours. */
+/** Closes the socket and removes its file, if it is still our own. */
 void fsn_control_close_socket(struct fsn_control *control);
 
 #endif

@@ -1,4 +1,4 @@
-/** FSoE addresses and connections that a SubDevice reports. */
+/** FSoE addresses and connections reported by a SubDevice. */
 #include "control/survey/member.h"
 #include "live/fsoe_objects.h"
 #include "plan/plan_internal.h"
@@ -21,7 +21,7 @@ struct found_connection {
     uint8_t side;
 };
 
-/** Data that a SubDevice reports. */
+/** Data reported by a SubDevice. */
 struct found {
     bool has_addresses;
     uint16_t address[MOST_ADDRESSES];
@@ -66,7 +66,7 @@ static void read_addresses(struct fsn_surveyed *of, struct found *found) {
     }
 }
 
-/** Reads the parameters of a connection. In the object of a module, which may be something else,
+/** Reads the parameters of a connection. In the object of a module, which may have another meaning,
  *  they count only together and with their sizes. */
 static bool read_connection(struct fsn_surveyed *of, uint16_t object, struct found_connection *c) {
     enum {
@@ -96,8 +96,8 @@ static bool read_connection(struct fsn_surveyed *of, uint16_t object, struct fou
     return true;
 }
 
-/** By the addresses of the SubDevice: which end of a connection it is, and an address that only a
- *  connection names. */
+/** Determines from the addresses of the SubDevice which end of a connection it is, and addresses
+ *  that only a connection names. */
 static void complete_sides(struct found *found) {
     const bool no_addresses = found->addresses == 0;
     for (uint32_t i = 0; i < found->connections; i++) {
@@ -122,7 +122,8 @@ static bool read_found(struct fsn_surveyed *of, struct found *found) {
         found->connections +=
             read_connection(of, of->fsoe_objects[i], &found->connection[found->connections]);
     }
-    /* A safety device whose frames have other numbers may still have the objects of its area. */
+    /* A safety device with other object numbers for its frames may still have the objects of its
+     * area. */
     const bool search = found->connections == 0;
     for (uint32_t i = 0; i < MOST_SAFETY_CONNECTIONS && of->coe && search; i++) {
         const uint16_t object = (uint16_t)(FSN_CONNECTIONS + CONNECTION_STEP * i);
@@ -200,7 +201,7 @@ void fsn_survey_fsoe(struct fsn_surveyed *of, struct fsn_json *json) {
     fsn_json_close(json, '}');
 }
 
-/** Takes note of the FSoE frames that a plan has on a SubDevice. */
+/** Records the FSoE frames that a plan has on a SubDevice. */
 static void note_planned(const struct fsn_plan *plan, uint32_t subdevice, struct fsn_surveyed *of) {
     struct fsn_block_info block;
     for (uint32_t i = 0; fsn_plan_block(plan, i, &block) == FSN_OK; i++) {

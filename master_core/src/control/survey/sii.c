@@ -53,7 +53,7 @@ bool fsn_survey_sii_name(const struct fsn_sii *sii, char room[FSN_NAME_BYTES * 4
     uint32_t at = 0;
     uint32_t size;
     const uint8_t *general = fsn_survey_sii_category(sii, GENERAL, &at, &size);
-    /* The name as ordered; the longer one if there is none. */
+    /* The name as ordered, or the longer one if there is none. */
     return general != NULL && size >= 4 &&
            (fsn_survey_sii_string(sii, general[3], room) ||
             fsn_survey_sii_string(sii, general[2], room));

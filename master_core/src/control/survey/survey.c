@@ -29,7 +29,7 @@ static bool goes_on(struct fsn_surveyed *of) {
     return !of->stopped;
 }
 
-/** Reads an object; any failure other than an abort ends the reading of objects. */
+/** Reads an object; any failure except an abort ends the reading of objects. */
 static bool upload(struct fsn_surveyed *of, struct fsn_transfer *transfer) {
     const struct fsn_survey *s = of->survey;
     if (!of->coe || !goes_on(of)) {
@@ -87,7 +87,7 @@ static void read_sii(struct fsn_surveyed *of, uint8_t *room) {
     const fsn_status status = fsn_acyclic_read_sii(s->ops->acyclic, s->bus, &transfer);
     of->sii = (struct fsn_sii){NULL, 0};
     if (status == FSN_E_ABSENT) {
-        return; /* this bus shows none */
+        return; /* this bus provides none */
     }
     if (status == FSN_E_STATE) {
         of->stopped = true;
@@ -102,7 +102,7 @@ static void read_sii(struct fsn_surveyed *of, uint8_t *room) {
 
 static void put_identity(struct fsn_surveyed *of, struct fsn_json *json) {
     const struct fsn_bus_member *m = &of->member;
-    const uint8_t *sii = of->sii.bytes; /* read with care; unread values are 0 */
+    const uint8_t *sii = of->sii.bytes; /* read with care; missing values are 0 */
     const uint32_t vendor = sii != NULL ? fsn_get32(sii + VENDOR) : m->vendor_id;
     const uint32_t product = sii != NULL ? fsn_get32(sii + VENDOR + 4) : m->product_code;
     if (vendor != 0 && product != 0) {

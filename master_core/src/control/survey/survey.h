@@ -14,19 +14,19 @@ struct fsn_survey {
     const struct fsn_plan *plan; /**< names of planned SubDevices; may be NULL */
     const char *interface;       /**< may be NULL */
     bool states_changed;
-    /** Called between two steps, may be NULL; false breaks it off. */
+    /** Called between two steps; may be NULL; false aborts it. */
     bool (*between)(void *self);
     void *self;
 };
 
-/** Writes the keys of the document into an object that is open. A SubDevice that answers only half
- *  gets `problems`.
- *  @retval FSN_E_ABSENT  this bus cannot be surveyed.   @retval FSN_E_STATE  broken off.
+/** Writes the keys of the document into an open object. A SubDevice that answers only partly gets
+ *  `problems`.
+ *  @retval FSN_E_ABSENT  this bus cannot be surveyed.   @retval FSN_E_STATE  aborted.
  *  Context: the acyclic thread of the bus; takes seconds. */
 fsn_status fsn_survey_write(const struct fsn_survey *survey, struct fsn_json *json);
 
-/** Writes an array: FSoE addresses and connections that each planned SubDevice with an answer
- *  reports. Returns and context as above. */
+/** Writes an array: FSoE addresses and connections reported by each planned SubDevice that answers.
+ *  Returns and context as above. */
 fsn_status fsn_survey_planned_fsoe(const struct fsn_survey *survey, struct fsn_json *json);
 
 #endif

@@ -1,5 +1,5 @@
-/** Sync managers of a SubDevice and the PDOs they carry: from its objects if it has CoE, else from
- *  its SII, else from the bus. */
+/** Sync managers of a SubDevice and their PDOs: from its objects if it has CoE, otherwise from its
+ *  SII, otherwise from the bus. */
 #include <string.h>
 
 #include "control/survey/member.h"
@@ -29,7 +29,7 @@ struct pdo {
     uint32_t entry[FSN_SURVEY_ENTRIES]; /**< index, subindex, bits */
 };
 
-/** By the SII, or by the buffer type and direction its control byte states. */
+/** From the SII, or from the buffer type and direction in its control byte. */
 static uint8_t kind_of(const uint8_t *sm) {
     if (sm[7] >= MAILBOX_OUT && sm[7] <= INPUTS) {
         return sm[7];
@@ -158,7 +158,7 @@ static uint32_t put_sii_pdos(struct fsn_surveyed *of, struct fsn_json *json, con
     return bits;
 }
 
-/** Data of the bus about a sync manager of a SubDevice without objects. */
+/** Writes data of the bus about a sync manager of a SubDevice without objects. */
 static uint32_t put_bus_pdos(struct fsn_surveyed *of, struct fsn_json *json, const struct sm *sm) {
     const struct fsn_survey *s = of->survey;
     uint32_t bits = 0;
