@@ -9,7 +9,8 @@
 #include "rt/bytes.h"
 #include "rt/words.h"
 
-/** Reads the last whole snapshot; false if the writer has begun to overwrite it meanwhile. */
+/** Reads the last complete snapshot; false if the writer has begun to overwrite it in the
+ *  meantime. */
 static bool try_snapshot(const struct fsn_rt *rt, struct fsn_statistics *statistics,
                          struct fsn_connection_status *connections, uint8_t *image) {
     const uint32_t picture = atomic_load_explicit(&rt->snapshot.shown->whole, memory_order_acquire);
@@ -145,7 +146,7 @@ bool fsn_core_is_open(const struct fsn_core *core, uint32_t symbol) {
     return core != NULL && has_place(core, symbol) && core->rt.outputs[symbol].open;
 }
 
-/** Takes one value into the writer's own copy. */
+/** Stores one value in the writer's own copy. */
 static void want(struct fsn_core *core, uint32_t symbol, uint64_t value) {
     if (core->active_slot[symbol] == 0) {
         core->active[core->active_count++] = symbol;
@@ -155,7 +156,7 @@ static void want(struct fsn_core *core, uint32_t symbol, uint64_t value) {
 }
 
 /** Publishes all values. The cycle sees the contents of the set and their symbols before it sees
- *  that there is a new one; the set that comes back is no longer in use. */
+ *  that there is a new one; the returned set is no longer in use. */
 static void hand_over(struct fsn_core *core) {
     struct fsn_rt_sets *sets = &core->rt.sets;
     struct fsn_rt_set *set = &sets->set[sets->triple.writer];

@@ -1,5 +1,5 @@
-/** Activation: the plan refers to sync managers, the bus to an image. Here both become absolute
- *  bytes, are proved together, and then never change. */
+/** Activation: the plan refers to sync managers, the bus to an image. Here both are converted to
+ *  absolute bytes, are verified together, and never change afterwards. */
 #include <stdlib.h>
 #include <string.h>
 
@@ -10,7 +10,7 @@
 /** A copy with absolute bytes while neighbours are merged and sizes grouped. */
 struct span {
     uint32_t source, destination, size_bytes;
-    uint32_t number; /**< copy of the plan, to name it in a refusal */
+    uint32_t number; /**< copy of the plan, to be named in a refusal */
 };
 
 /** Position of a sync manager in the image. */
@@ -48,8 +48,8 @@ static fsn_status place_all(const struct fsn_core *core, struct place *places, u
     return FSN_OK;
 }
 
-/** Sync managers must not overlap: an input that shared bytes with an output would return our own
- *  frames, and two outputs that shared bytes would make disjoint copies collide. */
+/** Sync managers must not overlap: an input that shares bytes with an output would return our own
+ *  frames, and two outputs that share bytes would make disjoint copies collide. */
 static fsn_status check_places(const struct fsn_core *core, struct fsn_fault *fault) {
     struct place *places = calloc((size_t)core->plan->count[FSN_SEC_SM] + 1, sizeof *places);
     if (places == NULL) {
@@ -75,7 +75,7 @@ static fsn_status check_layout(const struct fsn_core *core, struct fsn_fault *fa
         (layout->image == NULL && layout->image_bytes > 0)) {
         return fsn_refuse_all(fault, FSN_E_BUS_IMAGE, "the bus left a part of its layout empty");
     }
-    /* Places are counted in bits later, which must fit 32 of them. */
+    /* Places are later counted in bits, which must fit into 32 bits. */
     if (layout->image_bytes > UINT32_MAX / 8) {
         return fsn_refuse_all(fault, FSN_E_BUS_IMAGE, "the image has 512 MiB or more");
     }
@@ -110,7 +110,7 @@ static bool straddles(const struct fsn_bus_layout *layout, uint32_t byte, uint32
 }
 
 /** An FSoE copy must be one of the two of its connection, and run in the direction it has there.
- *  The loader has proved it; it is proved again here, since this keeps frames apart. */
+ *  The loader has proved it; it is proved again here, because this keeps frames separate. */
 static bool is_paired(const struct fsn_plan *plan, uint32_t number,
                       const struct fsn_copy_info *copy) {
     struct fsn_connection_info c;
@@ -127,7 +127,7 @@ static bool is_paired(const struct fsn_plan *plan, uint32_t number,
            fsn_read_sm(plan, copy->destination_sm).subdevice == to;
 }
 
-/** Resolves one copy to absolute bytes and proves it for this bus. */
+/** Resolves one copy to absolute bytes and verifies it for this bus. */
 static fsn_status resolve_copy(const struct fsn_core *core, uint32_t number, struct span *span,
                                struct fsn_fault *fault) {
     const struct fsn_plan *plan = core->plan;
@@ -152,7 +152,7 @@ static fsn_status resolve_copy(const struct fsn_core *core, uint32_t number, str
     *span = (struct span){layout->sm_base[copy.source_sm] + copy.source_byte,
                           layout->sm_base[copy.destination_sm] + copy.destination_byte,
                           copy.size_bytes, number};
-    /* Two datagrams may come from two passes of the bus: half a frame would be old. */
+    /* Two datagrams may come from two passes of the bus: a part of the frame would be old. */
     if (straddles(layout, span->source, span->size_bytes) ||
         straddles(layout, span->destination, span->size_bytes)) {
         return refuse_copy(fault, FSN_E_BUS_STRADDLE, number, NULL);
@@ -185,7 +185,7 @@ static fsn_status check_disjoint(const struct span *spans, uint32_t count,
     return FSN_OK;
 }
 
-/** Merges neighbours that are neighbours on both sides. The input is sorted by destination. */
+/** Merges copies that are adjacent on both sides. The input is sorted by destination. */
 static uint32_t merge(struct span *spans, uint32_t count) {
     uint32_t kept = 0;
     for (uint32_t i = 0; i < count; i++) {
@@ -200,7 +200,7 @@ static uint32_t merge(struct span *spans, uint32_t count) {
     return kept;
 }
 
-/** Puts the merged copies, sorted by size, into groups of one size. */
+/** Sorts the merged copies by size into groups. */
 static void group(struct fsn_core *core, const struct span *spans, uint32_t count) {
     uint32_t groups = 0;
     for (uint32_t i = 0; i < count; i++) {
@@ -260,7 +260,7 @@ static fsn_status watch(struct fsn_core *core, uint32_t number, uint32_t *seen_b
         watch->size_bytes[way] = copy.size_bytes;
         *seen_bytes += copy.size_bytes;
     }
-    /* A live connection has a new frame within its watchdog; Resets come about as often. */
+    /* A live connection has a new frame within its watchdog; Resets are about as frequent. */
     const uint64_t watchdog_ms = (info.known & 4) != 0 ? info.watchdog_ms : 500;
     watch->silent_ns = 2 * watchdog_ms * UINT64_C(1000000);
     watch->planned = fsn_planned_parameters(&info);
@@ -289,8 +289,8 @@ static fsn_status activate_monitor(struct fsn_core *core, struct fsn_fault *faul
     return rt->seen != NULL ? FSN_OK : fsn_refuse_all(fault, FSN_E_NOMEM, NULL);
 }
 
-/** Whether the application may write this symbol: an output that neither a copy nor a recognised
- *  FSoE block owns. */
+/** Whether the application may write this symbol: an output that belongs to neither a copy nor a
+ *  recognised FSoE block. */
 static bool is_open(const struct fsn_plan *plan, const struct fsn_symbol_info *symbol) {
     const uint32_t first = symbol->bit_offset / 8;
     const uint32_t last = (symbol->bit_offset + symbol->bits - 1u) / 8;
@@ -327,7 +327,7 @@ static fsn_status activate_outputs(struct fsn_core *core, struct fsn_fault *faul
     return FSN_OK;
 }
 
-/** Data that the bus fills in every cycle, and its counters. */
+/** Allocates the data that the bus fills in every cycle, and its counters. */
 static fsn_status activate_input(struct fsn_core *core, struct fsn_fault *fault) {
     struct fsn_rt *rt = &core->rt;
     rt->datagram_count = core->layout.datagram_count;
@@ -378,7 +378,7 @@ fsn_status fsn_core_activate(struct fsn_core *core, struct fsn_fault *fault) {
     core->rt.image = layout->image;
     core->rt.image_bytes = layout->image_bytes;
     if (layout->image_bytes > 0) {
-        /* Until its source has delivered once, a destination holds zeros. */
+        /* Until its source has delivered data, a destination contains zeros. */
         memset(layout->image, 0, layout->image_bytes);
     }
     typedef fsn_status (*step)(struct fsn_core *, struct fsn_fault *);

@@ -6,7 +6,7 @@
 #include "plan/plan_internal.h"
 
 enum {
-    SII_STEP = 64, /**< bytes read between two steps of others */
+    SII_STEP = 64, /**< bytes read between two steps of other work */
     SII_ALIAS = 8, /**< byte offsets */
     SII_CHECKSUM = 14,
     SII_CATEGORIES = 0x80,
@@ -60,8 +60,8 @@ fsn_status fsn_core_download(struct fsn_core *core, uint32_t subdevice,
 
 /* -- SII ------------------------------------------------------------------------------------ */
 
-/** How many bytes of the SII are needed, according to the part read so far: up to the end of its
- *  categories. `at` is the first category not yet passed; the next call continues there. */
+/** Number of bytes of the SII that are needed, according to the part read so far: up to the end of
+ *  its categories. `at` is the first category not yet passed; the next call continues there. */
 static uint32_t needed(const uint8_t *sii, uint32_t have, uint32_t room, uint32_t *at) {
     /* mutants: both are even */
     while (*at + 4 <= have && fsn_get16(sii + *at) != SII_END) {

@@ -31,7 +31,7 @@ static int make_file(const char *name, size_t size_bytes, int seals, void **at) 
     }
     *at = MAP_FAILED;
     if (ftruncate(fd, (off_t)size_bytes) == 0) {
-        /* Every page is there before the cycle touches it. */
+        /* Every page is present before the cycle accesses it. */
         *at = mmap(NULL, size_bytes, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_POPULATE, fd, 0);
     }
     if (*at == MAP_FAILED || fcntl(fd, F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW | seals) != 0) {
@@ -92,7 +92,7 @@ static size_t symbols_bytes(const struct fsn_core *core) {
     return align(bytes);
 }
 
-/** Makes the file that shows the cycles, when the first client comes. */
+/** Creates the file that shows the cycles, for the first client. */
 static fsn_status make_inputs(struct fsn_core *core) {
     struct fsn_rt_clients *clients = &core->rt.clients;
     const size_t words =
@@ -147,7 +147,7 @@ static void clear_place(struct fsn_core *core, uint32_t n) {
     core->rt.clients.client[n] = (struct fsn_rt_client){0};
 }
 
-/** Makes the file for the outputs of a client; returns a descriptor for the client. */
+/** Creates the file for the outputs of a client; returns a descriptor for the client. */
 static int make_outputs(struct fsn_core *core, const struct fsn_core_client *wanted, uint32_t n) {
     struct fsn_core_place *place = &core->places[n];
     void *at;
@@ -198,7 +198,7 @@ static void set_up(struct fsn_core *core, const struct fsn_core_client *wanted, 
     atomic_store(&shown->holder, core->holders);
 }
 
-/** A free place. One that was closed is free when the cycle that may still read it is over. */
+/** A free place. A place that was closed is free after the cycle that may still read it. */
 static uint32_t find_place(struct fsn_core *core) {
     const uint64_t last = fsn_core_last_cycle(core);
     for (uint32_t n = 0; n < FSN_SHARED_CLIENTS; n++) {
@@ -243,7 +243,7 @@ static fsn_status check_wanted(const struct fsn_core *core, const struct fsn_cor
     return FSN_OK;
 }
 
-/** All fields that the cycle reads are present. */
+/** All fields that the cycle reads are complete. */
 static void let_in(struct fsn_core *core, uint32_t n) {
     atomic_fetch_or_explicit(&core->rt.clients.present, 1u << n, memory_order_release);
 }
@@ -292,7 +292,7 @@ static void touch(const struct fsn_shared_outputs *outputs, size_t size_bytes) {
 fsn_status fsn_core_client_begin(struct fsn_core *core, uint32_t n) {
     struct fsn_core_place *place = &core->places[n];
     if (place->outputs == NULL || place->fd < 0) {
-        return FSN_OK; /* it has none, or has begun */
+        return FSN_OK; /* it has none, or has already begun */
     }
     (void)fcntl(place->fd, F_ADD_SEALS, F_SEAL_FUTURE_WRITE | F_SEAL_SEAL);
     const int seals = fcntl(place->fd, F_GET_SEALS);

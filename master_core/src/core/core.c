@@ -82,7 +82,7 @@ fsn_status fsn_core_cycle(struct fsn_core *core, uint64_t now_ns) {
 
 static void *thread_main(void *argument) {
     struct fsn_core *core = argument;
-    /* Touch the stack once, so that no page fault falls into a cycle. */
+    /* Touch the stack once, so that no page fault occurs in a cycle. */
     volatile uint8_t stack[16384];
     /* mutants: what was not touched shows as time only */
     for (size_t i = 0; i < sizeof stack; i += 1024) {
@@ -123,7 +123,7 @@ static int create_thread(struct fsn_core *core, const struct fsn_thread_options 
     }
     error = set_attributes(&attributes, options, realtime);
     if (error == 0) {
-        /* Before the thread runs: from then on it alone writes the statistics. */
+        /* Before the thread runs: from then on, only the thread writes the statistics. */
         core->rt.statistics.realtime = realtime;
         error = pthread_create(&core->thread, &attributes, thread_main, core);
     }
@@ -137,7 +137,7 @@ static bool options_ok(const struct fsn_thread_options *options, uint64_t cycle_
 }
 
 static void write_marker(int fd, const char *marker) {
-    /* A marker that does not fit is lost; the cycle continues. */
+    /* A marker that cannot be written completely is lost; the cycle continues. */
     const ssize_t written = write(fd, marker, strlen(marker));
     (void)written;
 }

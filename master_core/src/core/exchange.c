@@ -5,7 +5,7 @@
 #include "plan/plan_internal.h"
 #include "rt/prefault.h"
 
-/** Sync managers of one direction that have a place. */
+/** Lists the sync managers of one direction that have a place. */
 static uint32_t list_spans(const struct fsn_plan *part, const struct fsn_bus_layout *layout,
                            uint8_t direction, struct fsn_exchange_span *spans) {
     uint32_t count = 0;
@@ -18,7 +18,7 @@ static uint32_t list_spans(const struct fsn_plan *part, const struct fsn_bus_lay
     return count;
 }
 
-/** Shares out the room of the sets. */
+/** Divides the memory between the sets. */
 static void place_sets(struct fsn_exchange *x, size_t wkc_bytes, size_t stride) {
     for (size_t i = 0; i < FSN_TRIPLE_SETS; i++) {
         uint8_t *at = x->room + i * stride;

@@ -1,4 +1,4 @@
-/** Data that two cycles exchange, set up; see rt/exchange.h. */
+/** Data that two cycles exchange: set-up; see rt/exchange.h. */
 #ifndef FSN_CORE_EXCHANGE_H
 #define FSN_CORE_EXCHANGE_H
 
@@ -12,7 +12,7 @@
 fsn_status fsn_exchange_create(const struct fsn_plan *part, const struct fsn_bus_layout *layout,
                                struct fsn_exchange *exchange);
 
-/** Frees the result of create; also one that is all zeros. */
+/** Frees the result of create; also a result that is all zeros. */
 void fsn_exchange_free(struct fsn_exchange *exchange);
 
 #endif

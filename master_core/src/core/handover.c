@@ -9,7 +9,7 @@
 
 enum { ROOM_FORMAT = 0x316E7366 }; /* "fsn1" */
 
-/** Head of a room; the snapshots follow, one after the other. */
+/** Head of a room; the snapshots follow, one after another. */
 struct room {
     uint32_t format, statistics_bytes, connections_bytes, image_bytes;
     struct fsn_rt_shown shown;

@@ -11,7 +11,7 @@ static size_t slot_words(const struct fsn_rt *rt) {
            fsn_words_of(rt->image_bytes);
 }
 
-/** Cycles to keep: all that the time holds, or as many as fit. */
+/** Number of cycles to keep: all within the time, or as many as fit. */
 static uint64_t slots_for(const struct fsn_core *core, uint64_t cycle_ns, size_t slot_bytes) {
     const uint64_t fit = core->keep_bytes / slot_bytes;
     if (cycle_ns == 0 || core->keep_ns / cycle_ns >= fit) {
