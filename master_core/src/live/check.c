@@ -11,7 +11,7 @@
 enum {
     KNOWN_ADDRESS = 2, /**< bit of fsn_connection_info.known */
     MOST_ADDRESSES = 16,
-    LEAST_TRIES = 3, /**< of one object, however long each takes */
+    LEAST_TRIES = 3, /**< of one object, whatever time each one takes */
     MOST_TRIES = 10,
     MS = 1000000,
 };
@@ -25,8 +25,8 @@ bool fsn_is_silent(fsn_status status) {
     return status == FSN_E_BUS_MAILBOX || status == FSN_E_BUS_MISSING;
 }
 
-/** Transfers an object, and retries after a lost or late answer with increasing pauses: a check at
- *  the start must not depend on one frame. A write may be repeated. */
+/** Transfers an object, and retries after a lost or late answer with increasing pauses, because a
+ *  check at the start must not depend on one frame. A write may be repeated. */
 static fsn_status persist(const struct fsn_objects *objects, transfer_fn transfer_it,
                           struct fsn_transfer *transfer) {
     const uint32_t size_bytes = transfer->size_bytes;
@@ -43,7 +43,7 @@ static fsn_status persist(const struct fsn_objects *objects, transfer_fn transfe
     return status;
 }
 
-/** States which object was not answered. */
+/** Adds the object that was not answered. */
 static fsn_status note_silence(fsn_status status, uint16_t index, uint8_t sub,
                                char detail[FSN_DETAIL_BYTES]) {
     if (fsn_is_silent(status)) {
@@ -117,7 +117,7 @@ fsn_status fsn_check_sdos(const struct fsn_plan *plan, const struct fsn_subdevic
     return FSN_OK;
 }
 
-/** Reads which FSoE addresses a SubDevice has: the expected one where it has it, else its first. */
+/** Reads the FSoE address of a SubDevice: the expected one if it has it, otherwise its first. */
 static fsn_status read_own_address(const struct fsn_objects *objects, uint16_t expected,
                                    uint16_t *found, char detail[FSN_DETAIL_BYTES]) {
     uint8_t bytes[8];
@@ -140,8 +140,8 @@ static fsn_status read_own_address(const struct fsn_objects *objects, uint16_t e
     return fsn_is_silent(status) ? status : FSN_OK;
 }
 
-/** Reads the address of a SubInstance from the parameters of its connection; absent if it has none
- *  before the first connection. */
+/** Reads the address of a SubInstance from the parameters of its connection; absent if there is
+ *  none before the first connection. */
 static fsn_status read_given_address(const struct fsn_plan *plan,
                                      const struct fsn_connection_info *c,
                                      const struct fsn_objects *objects, uint16_t *found,

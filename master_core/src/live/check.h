@@ -5,8 +5,7 @@
 #include "fsn/acyclic.h"
 #include "plan/plan_internal.h"
 
-/** How the objects of one SubDevice are reached: as in fsn_bus_acyclic. Values are little-endian.
- */
+/** Access to the objects of one SubDevice, as in fsn_bus_acyclic. Values are little-endian. */
 struct fsn_objects {
     void *bus;
     uint32_t position;
@@ -14,15 +13,15 @@ struct fsn_objects {
     fsn_status (*download)(void *bus, struct fsn_transfer *transfer);
 };
 
-/** Whether no answer came back, or the SubDevice is lost. */
+/** Whether there was no answer, or the SubDevice is lost. */
 bool fsn_is_silent(fsn_status status);
 
 /** Reads an object of at most 8 bytes, the rest of them 0, with retries if no answer comes.
- *  @param[out] detail  the object without an answer; else unchanged.   Returns as upload(). */
+ *  @param[out] detail  the object without an answer; otherwise unchanged.   Returns as upload(). */
 fsn_status fsn_objects_read(const struct fsn_objects *objects, uint16_t index, uint8_t sub,
                             uint8_t bytes[8], char detail[FSN_DETAIL_BYTES]);
-/** Writes an object, several times where no answer comes.
- *  @param[out] abort_code  why it was refused, or 0.   Returns as download(). */
+/** Writes an object, repeatedly if there is no answer.
+ *  @param[out] abort_code  reason of the refusal, or 0.   Returns as download(). */
 fsn_status fsn_objects_write(const struct fsn_objects *objects, uint16_t index, uint8_t sub,
                              const uint8_t *bytes, uint32_t size_bytes, uint32_t *abort_code);
 
@@ -32,7 +31,7 @@ bool fsn_check_identity(const struct fsn_subdevice_info *info, uint32_t vendor_i
 
 /** Writes the start-up SDOs of a SubDevice.
  *  @param[in]  objects  NULL: it has no CoE.
- *  @param[out] detail   which one, and why not.
+ *  @param[out] detail   the failed SDO and the reason.
  *  @retval FSN_E_BUS_SDO      one was refused.
  *  @retval FSN_E_BUS_MAILBOX, FSN_E_BUS_MISSING  one was not answered.   Context: may block. */
 fsn_status fsn_check_sdos(const struct fsn_plan *plan, const struct fsn_subdevice_info *info,

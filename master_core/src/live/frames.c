@@ -27,7 +27,7 @@ static void write_head(struct fsn_wire_frame *frame) {
     fsn_put16(frame->sent + FSN_WIRE_NOP + 6, FSN_WIRE_MARK_BYTES | MORE);
 }
 
-/** Fills one frame: its position in the image is known already. */
+/** Fills one frame; its position in the image is already known. */
 static void build(struct fsn_wire_frame *frame, uint32_t logical, bool with_dc, bool dc_host) {
     const uint32_t lrw_end = FSN_WIRE_DATA + frame->size_bytes + DATAGRAM_TAIL;
     const uint32_t set_bytes = with_dc && dc_host ? DC_SET_DATAGRAM : 0;
@@ -105,8 +105,8 @@ static bool list_groups(const struct fsn_plan *plan, struct fsn_frames *frames) 
     return true;
 }
 
-/** Places the datagrams of the image, and which frame carries the DC time: the last one with room,
- *  else a further one. Returns its number, or the number of frames without DC. */
+/** Places the datagrams of the image, and determines the frame that carries the DC time: the last
+ *  one with room, or a further one. Returns its number, or the number of frames without DC. */
 static uint32_t place(struct fsn_frames *frames, bool with_dc, bool dc_host) {
     const uint32_t dc_bytes = DC_DATAGRAM + (dc_host ? DC_SET_DATAGRAM : 0);
     struct fsn_wire *wire = &frames->wire;

@@ -5,7 +5,7 @@
 #include "live/image.h"
 #include "rt/wire.h"
 
-/** Everything the wire points into. */
+/** Everything that the wire refers to. */
 struct fsn_frames {
     struct fsn_wire wire; /**< sockets are -1, wait_ns and dc_every 0 until the caller sets them */
     struct fsn_image image;

@@ -1,11 +1,11 @@
-/** Objects in which SubDevices describe their FSoE connections. */
+/** Objects by which SubDevices describe their FSoE connections. */
 #ifndef FSN_LIVE_FSOE_OBJECTS_H
 #define FSN_LIVE_FSOE_OBJECTS_H
 
 #include "fsn/plan.h"
 
-/** Subindices of the communication parameters of a connection, alike in the manuals of Bosch
- *  Rexroth (ctrlX SAFETY), BBH (SCU), SICK (microScan3), Yaskawa (SLIO), KEB and Novanta, who
+/** Subindices of the communication parameters of a connection, identical in the manuals of Bosch
+ *  Rexroth (ctrlX SAFETY), BBH (SCU), SICK (microScan3), Yaskawa (SLIO), KEB and Novanta, which
  *  refers to ETG.5001.4 and ETG.6100.3. */
 enum fsn_parameter {
     FSN_PARAMETER_VERSION = 1,
@@ -25,10 +25,10 @@ enum {
  *  0: none. Context: any thread. */
 uint16_t fsn_parameter_object(uint16_t command_index);
 
-/** State of the connection with these parameters: 0xAnn0, 0xEAn0; 0: not known where. */
+/** Object with the state of the connection with these parameters: 0xAnn0, 0xEAn0; 0: unknown. */
 uint16_t fsn_diagnosis_object(uint16_t parameter_index);
 
-/** Object that is mapped to a bit of a sync manager; 0: none begins there, or it is padding. */
+/** Object mapped at a bit of a sync manager; 0: none begins there, or it is padding. */
 uint16_t fsn_object_at(const struct fsn_plan *plan, uint32_t sm, uint32_t bit);
 
 #endif

@@ -14,13 +14,13 @@ static bool allocate(const struct fsn_plan *plan, struct fsn_image *image) {
            image->expected != NULL;
 }
 
-/** Bytes a sync manager needs in the image; 0 without a place. */
+/** Number of bytes that a sync manager needs in the image; 0 if it has no place. */
 static uint32_t size_of(const struct fsn_plan *plan, uint32_t sm) {
     struct fsn_sm_info info;
     return fsn_plan_sm(plan, sm, &info) == FSN_OK && info.registered ? info.size_bytes : 0;
 }
 
-/** Appends one sync manager; false when it is longer than a datagram may be. */
+/** Appends one sync manager; false if it is longer than a datagram may be. */
 static bool append(const struct fsn_plan *plan, uint32_t sm, uint32_t datagram_bytes,
                    struct fsn_image *image) {
     const uint32_t size = size_of(plan, sm);

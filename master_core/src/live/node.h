@@ -1,4 +1,4 @@
-/** The SubDevices of a plan as every live bus keeps them: data and last observation. */
+/** The SubDevices of a plan in every live bus: data and last observation. */
 #ifndef FSN_LIVE_NODE_H
 #define FSN_LIVE_NODE_H
 
@@ -7,19 +7,20 @@
 #include "fsn/bus.h"
 #include "live/image.h"
 
-/** First member of a backend's own node. Of the acyclic thread; `seen` under the lock. */
+/** First member of a backend's own node. Used by the acyclic thread; `seen` is guarded by the
+ *  lock. */
 struct fsn_node {
     struct fsn_subdevice_info info;
     uint32_t number;       /**< in the plan */
     bool was_in_op;        /**< at least once */
-    bool away;             /**< it was in OP once, and is not any more */
-    uint64_t requested_ns; /**< when something was requested of it */
-    uint64_t retry_ns;     /**< nothing is tried before */
+    bool away;             /**< it was in OP, but is no longer */
+    uint64_t requested_ns; /**< when the last request was sent to it */
+    uint64_t retry_ns;     /**< no attempt is made before */
     struct fsn_bus_subdevice seen;
 };
 
 struct fsn_nodes {
-    const struct fsn_plan *plan; /**< the one it was opened with; held by the core */
+    const struct fsn_plan *plan; /**< plan that it was opened with; held by the core */
     void *first;                 /**< owned; `count` nodes of the backend, consecutive */
     uint32_t count;
     size_t node_bytes;
@@ -29,7 +30,8 @@ struct fsn_nodes {
 void fsn_nodes_init(struct fsn_nodes *nodes);
 void fsn_nodes_free(struct fsn_nodes *nodes);
 
-/** One zeroed node for each SubDevice of the plan, in place of those before; NULL: no memory. */
+/** Creates one zeroed node for each SubDevice of the plan, replacing existing ones; NULL: no
+ *  memory. */
 void *fsn_nodes_create(struct fsn_nodes *nodes, const struct fsn_plan *plan, size_t node_bytes);
 
 /** Node of a SubDevice of the plan. */
@@ -51,13 +53,13 @@ void fsn_node_note_facts(struct fsn_nodes *nodes, struct fsn_node *node, uint16_
 /** Maps the result of the check of a SubDevice to enum fsn_found. */
 uint8_t fsn_found_of(fsn_status status);
 
-/** In OP: counts it when it was away since it had been here last. */
+/** The SubDevice is in OP: counts a return if it was away since it was last in OP. */
 void fsn_node_note_op(struct fsn_nodes *nodes, struct fsn_node *node);
 
 /** Refuses because of a node; the detail is its note. */
 fsn_status fsn_node_refuse(struct fsn_fault *fault, fsn_status status, const struct fsn_node *node);
 
-/** Checks every node, also after a refused one, so that all can be reported.
+/** Checks every node, even after a refused one, so that all can be reported.
  *  @return the first refusal. */
 fsn_status fsn_nodes_check(struct fsn_nodes *nodes, void *bus,
                            fsn_status (*check)(void *bus, struct fsn_node *node),

@@ -5,7 +5,7 @@
 
 enum { ASSIGNMENT = 0x1C10, MOST_PDOS = 64, LONGEST_PADDING = 248 };
 
-/** A mapping as objects hold it. */
+/** A mapping in the form of its objects. */
 struct mapping {
     uint32_t count;
     uint32_t entries[FSN_PDO_ENTRIES];
@@ -59,7 +59,7 @@ static void planned_assignment(const struct at *at, struct assignment *a) {
     }
 }
 
-/** Joins padding that stands side by side, so that 16 bits equal twice 8. */
+/** Joins adjacent padding, so that 16 bits are equal to twice 8 bits. */
 static void join_padding(struct mapping *m) {
     uint32_t kept = 0;
     for (uint32_t i = 0; i < m->count; i++) {
@@ -75,7 +75,7 @@ static void join_padding(struct mapping *m) {
 
 /* -- as found ------------------------------------------------------------------------------- */
 
-/** Returns as fsn_objects_read(): a refusal by the SubDevice is not a fault here. */
+/** Returns as fsn_objects_read(): a refusal by the SubDevice is not an error here. */
 static fsn_status read_number(const struct at *at, uint16_t index, uint8_t sub, uint32_t *value) {
     uint8_t bytes[8];
     const fsn_status status = fsn_objects_read(at->objects, index, sub, bytes, at->detail);
@@ -118,13 +118,13 @@ static bool write_number(const struct at *at, uint16_t index, uint8_t sub, uint3
     return fsn_objects_write(at->objects, index, sub, bytes, size, &abort_code) == FSN_OK;
 }
 
-/** The order that ETG.1000 requires: empty it, fill it, state how many. */
+/** The order required by ETG.1000: empty it, fill it, then set the count. */
 static void write_assignment(const struct at *at, const struct assignment *a) {
     bool ok = write_number(at, at->assigned, 0, 0, 1);
     for (uint32_t i = 0; ok && i < a->count; i++) {
         ok = write_number(at, at->assigned, (uint8_t)(i + 1), a->pdos[i], 2);
     }
-    /* Also when one was refused, so that the SubDevice is not left without any. */
+    /* Even if one was refused, so that the SubDevice is not left without an assignment. */
     (void)write_number(at, at->assigned, 0, a->count, 1);
 }
 
@@ -149,7 +149,7 @@ static fsn_status differs(const struct at *at, const char *what, uint32_t found,
 }
 
 /** Objects that cannot be read are not compared: the SubDevice checks the length itself, in SAFEOP.
- *  Without an answer it is not known whether they can be read. */
+ *  Without an answer it is unknown whether they can be read. */
 static fsn_status unless_silent(fsn_status status) {
     return fsn_is_silent(status) ? status : FSN_OK;
 }

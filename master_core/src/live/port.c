@@ -53,15 +53,15 @@ static fsn_status refuse_detail(struct fsn_fault *fault, fsn_status status, cons
     return status;
 }
 
-/** Continues after it with own frames, and `others` instructions further with foreign ones. */
+/** Continues after it for own frames, and `others` instructions further for foreign ones. */
 #define IS_OURS(tag, others)                                                                       \
     BPF_STMT(BPF_LD | BPF_H | BPF_ABS, FSN_PORT_SOURCE),                                           \
         BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, FSN_PORT_OURS, 0, (others) + 2),                       \
         BPF_STMT(BPF_LD | BPF_H | BPF_ABS, FSN_PORT_TAG),                                          \
         BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, (tag), 0, (others))
 
-/** Older kernels cannot filter the frames that this host sends; then our own frames are seen twice,
- *  and dropped later. */
+/** Older kernels cannot filter the frames sent by this host; then our own frames are received
+ *  twice, and dropped later. */
 static void ignore_outgoing(int socket) {
     const int yes = 1;
     (void)setsockopt(socket, SOL_PACKET, PACKET_IGNORE_OUTGOING, &yes, sizeof yes);
@@ -73,8 +73,8 @@ static int attach(int socket, struct sock_filter *code, size_t count) {
 }
 
 fsn_status fsn_port_filter_acyclic(int socket, uint16_t tag) {
-    /* Whole packets only, since SOEM relies on the length field of a frame: the header, 16 bytes,
-     * and that many more. */
+    /* Complete packets only, because SOEM relies on the length field of a frame: the header, 16
+     * bytes, and that many more. */
     struct sock_filter code[] = {
         IS_OURS(tag, 13),
         BPF_STMT(BPF_LD | BPF_B | BPF_ABS, INDEX_BYTE),
@@ -124,8 +124,7 @@ static int bind_to(int fd, unsigned number, uint16_t protocol) {
     return bind(fd, (const struct sockaddr *)&at, sizeof at);
 }
 
-/** A frame that is longer than the MTU is refused one by one, by us or by the other end of a pair.
- */
+/** A frame longer than the MTU is refused each time, by us or by the other end of a pair. */
 static fsn_status check_mtu(const char *interface, int fd, struct fsn_fault *fault) {
     struct ifreq request = {0};
     snprintf(request.ifr_name, sizeof request.ifr_name, "%s", interface);
@@ -142,7 +141,7 @@ static fsn_status check_mtu(const char *interface, int fd, struct fsn_fault *fau
     return FSN_E_SYS;
 }
 
-/** Opens a raw EtherCAT socket that hears nothing yet. */
+/** Opens a raw EtherCAT socket that does not receive anything yet. */
 static fsn_status open_raw(const char *interface, int *fd, unsigned *number,
                            struct fsn_fault *fault) {
     *fd = -1;
@@ -163,7 +162,8 @@ static fsn_status open_raw(const char *interface, int *fd, unsigned *number,
     return status;
 }
 
-/* Any socket serves to ask about an interface; a hardened service may have no AF_INET. */
+/* Any socket can be used for requests about an interface; a hardened service may have no
+ * AF_INET. */
 uint16_t fsn_port_tag(const char *interface) {
     struct ifreq request = {0};
     const int fd = socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
@@ -188,7 +188,7 @@ fsn_status fsn_port_open(const char *interface, uint16_t tag, bool stamp, int *o
     const int yes = 1;
     const int bytes = CYCLIC_BUFFER_BYTES;
     (void)setsockopt(fd, SOL_SOCKET, SO_RCVBUF, &bytes, sizeof bytes);
-    /* Without these it still works, a little later or less well known. */
+    /* It also works without these, with a little more delay or less accurate information. */
     (void)setsockopt(fd, SOL_PACKET, PACKET_QDISC_BYPASS, &yes, sizeof yes);
     if (stamp) {
         (void)setsockopt(fd, SOL_SOCKET, SO_TIMESTAMPNS, &yes, sizeof yes);
@@ -223,15 +223,15 @@ fsn_status fsn_port_open_foreign(const char *interface, uint16_t tag, int *out,
 }
 
 uint32_t fsn_port_count_foreign(int socket) {
-    struct tpacket_stats counted = {0}; /* reading restarts with them */
+    struct tpacket_stats counted = {0}; /* reading resets them */
     socklen_t size = sizeof counted;
     return getsockopt(socket, SOL_PACKET, PACKET_STATISTICS, &counted, &size) == 0
                ? counted.tp_packets
                : 0;
 }
 
-/** The lock of an interface is an abstract name: it belongs to the network namespace, as the
- *  interface does, and is gone with the last descriptor of it. */
+/** The lock of an interface is an abstract name: it belongs to the network namespace, like the
+ *  interface, and disappears with its last descriptor. */
 static socklen_t lock_name(const char *interface, struct sockaddr_un *name) {
     *name = (struct sockaddr_un){.sun_family = AF_UNIX};
     /* mutants: the name of an interface is much shorter than the room */
@@ -280,7 +280,7 @@ void fsn_port_discard(int socket) {
     }
 }
 
-/** Counts EtherCAT packets, whoever sent them, until the time is over. */
+/** Counts EtherCAT packets from any sender, until the time is over. */
 static unsigned hear(int fd, uint64_t listen_ns) {
     const uint64_t end_ns = fsn_clock_ns(CLOCK_MONOTONIC) + listen_ns;
     unsigned heard = 0;
@@ -303,7 +303,7 @@ fsn_status fsn_port_listen(const char *interface, uint64_t listen_ns, struct fsn
     if (status != FSN_OK) {
         return status;
     }
-    /* All protocols; otherwise the frames that this host sends would not be seen. */
+    /* All protocols; otherwise the frames sent by this host would not be received. */
     struct sock_filter ethercat[] = {
         BPF_STMT(BPF_LD | BPF_H | BPF_ABS, 12),
         BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, ETHERCAT, 0, 1),

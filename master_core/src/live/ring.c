@@ -7,9 +7,9 @@
 enum {
     FEWEST_CYCLES = 4, /**< between two judgements */
     LOST_AFTER = 2,    /**< judgements */
-    SILENT_AFTER = 10, /**< when no frame comes back at all */
+    SILENT_AFTER = 10, /**< if no frame returns at all */
     NAME_BYTES = 40,   /**< of a SubDevice, in a place */
-    ENTRY = 1,         /**< bit of port 0, where frames come in */
+    ENTRY = 1,         /**< bit of port 0, where frames arrive */
 };
 
 /* -- ways ----------------------------------------------------------------------------------- */
@@ -58,7 +58,7 @@ struct text {
     size_t used;
 };
 
-/** One gap more, where there is room for all of it. */
+/** Adds one gap, if there is room for all of it. */
 __attribute__((format(printf, 2, 3))) static void add(struct text *text, const char *format, ...) {
     char gap[FSN_DETAIL_BYTES];
     va_list arguments;
@@ -72,7 +72,7 @@ __attribute__((format(printf, 2, 3))) static void add(struct text *text, const c
     }
 }
 
-/** Its first port with a lost link, of those where frames leave; FSN_PORTS: none. */
+/** The first of its outgoing ports with a lost link; FSN_PORTS: none. */
 static unsigned lost_exit(const struct fsn_ring_member *m) {
     unsigned port = 1;
     while (port < FSN_PORTS && (m->had & ~m->has & (1u << port)) == 0) {
@@ -81,8 +81,8 @@ static unsigned lost_exit(const struct fsn_ring_member *m) {
     return m->answers ? port : (unsigned)FSN_PORTS;
 }
 
-/** The SubDevice in front of one whose entry has no link: the nearest that has lost a link as well.
- *  Without one it is the neighbour, as on a line. */
+/** The SubDevice before one whose entry has no link: the nearest that has also lost a link. If
+ *  there is none, it is the neighbour, as on a line. */
 static uint32_t in_front(const struct fsn_ring_member *members, uint32_t number) {
     uint32_t n = number;
     while (n > 0 && lost_exit(&members[n - 1]) == FSN_PORTS) {
@@ -143,8 +143,8 @@ static void put_behind(struct text *text, const struct fsn_ring_member *members,
     }
 }
 
-/** No SubDevice reports a gap: the last cable was out at the start, or frames are lost on one way.
- */
+/** No SubDevice reports a gap: the last cable was missing at the start, or frames are lost in one
+ *  direction. */
 static void put_rest(struct text *text, const struct fsn_ring_watch *watch, const char *last,
                      uint32_t count, const struct fsn_ring_end ends[2]) {
     const unsigned from = watch->ring.ways[0] != 0 ? 1 : 0;
@@ -177,7 +177,7 @@ void fsn_ring_place(const struct fsn_ring_watch *watch, const struct fsn_ring_me
     }
     for (uint32_t n = 0; n < count; n++) {
         const struct fsn_ring_member *m = &members[n];
-        /* The first silent SubDevice marks the gap; those after it follow from it. */
+        /* The first silent SubDevice marks the gap; the following ones are a consequence. */
         const bool after_silent = n > 0 && !members[n - 1].answers;
         if (!m->answers && !after_silent) {
             add(&text, "at %.*s (ring position %u), which does not answer", NAME_BYTES, m->name,

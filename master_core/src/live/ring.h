@@ -1,5 +1,4 @@
-/** Whether a ring is closed, and where it is open: from frames that were counted and links that
- *  were read. */
+/** Whether a ring is closed, and where it is open: derived from frame counts and link states. */
 #ifndef FSN_LIVE_RING_H
 #define FSN_LIVE_RING_H
 
@@ -13,7 +12,7 @@
 struct fsn_ring_member {
     const char *name;
     bool answers;
-    uint8_t had; /**< when the ring was closed last, or at the start */
+    uint8_t had; /**< when the ring was last closed, or at the start */
     uint8_t has; /**< now */
 };
 
@@ -30,21 +29,21 @@ struct fsn_ring_counts {
 
 struct fsn_ring_watch {
     struct fsn_ring_counts last, since; /**< at the last judgement; between the last two */
-    uint32_t bad;                       /**< judgements in a row that a way was not passed */
-    struct fsn_bus_ring ring;           /**< its place is not written by fsn_ring_judge() */
+    uint32_t bad;             /**< consecutive judgements without a frame in a direction */
+    struct fsn_bus_ring ring; /**< fsn_ring_judge() does not write its `place` */
 };
 
-/** Judges each way by the frames that passed it since the last judgement; one that nothing passed
- *  is lost at the second judgement, so that some lost frames open no ring. A bus that is silent
- *  while both interfaces have a link is given longer.
- *  @return whether there was something to judge. */
+/** Judges each direction by the frames that passed since the last judgement. A direction without
+ *  frames is lost at the second judgement, so that single lost frames do not open the ring. A
+ *  silent bus is given more time if both interfaces have a link.
+ *  @return whether there were frames to judge. */
 bool fsn_ring_judge(struct fsn_ring_watch *watch, const struct fsn_ring_counts *now,
                     bool both_linked);
 
-/** Whether no frame has come back between the last two checks. */
+/** Whether no frame has returned between the last two checks. */
 bool fsn_ring_silent(const struct fsn_ring_watch *watch);
 
-/** Names the gaps of a ring that is not closed, with their cables, as many as there is room for. */
+/** Lists the gaps of an open ring, with their cables, as many as fit. */
 void fsn_ring_place(const struct fsn_ring_watch *watch, const struct fsn_ring_member *members,
                     uint32_t count, const struct fsn_ring_end ends[2],
                     char place[FSN_DETAIL_BYTES]);

@@ -19,7 +19,7 @@ enum {
     ABORT = 0x80,
     TOGGLE = 0x10,
     ABORT_GENERAL = 0x08000000,
-    STRAY_MESSAGES = 16, /**< emergencies and others that may come before the answer */
+    STRAY_MESSAGES = 16, /**< emergencies and others that may precede the answer */
 };
 
 /** One request and its answer. */
@@ -32,7 +32,7 @@ struct exchange {
     uint32_t sdo_bytes; /**< its length, at least 1 */
 };
 
-/** Begins a request; returns where its SDO goes. */
+/** Begins a request; returns the position of its SDO. */
 static uint8_t *begin(struct exchange *x, uint32_t sdo_bytes) {
     memset(x->request, 0, sizeof x->request);
     fsn_put16(x->request, COE_BYTES + sdo_bytes);
@@ -49,7 +49,7 @@ static uint8_t *begin_object(struct exchange *x, uint8_t command, uint32_t more_
     return sdo;
 }
 
-/** Finds the SDO in a message; false when it is not one, or longer than its mailbox. */
+/** Finds the SDO in a message; false if there is none, or it is longer than its mailbox. */
 static bool is_sdo(struct exchange *x) {
     const uint32_t body = fsn_get16(x->answer);
     const unsigned service = x->answer[HEADER_BYTES + 1] >> 4;
@@ -68,7 +68,7 @@ static bool is_ours(const struct exchange *x) {
 }
 
 /** Sends and waits for the SDO that answers.
- *  @param[in] named  whether the answer names the object; those to segments do not. */
+ *  @param[in] named  whether the answer contains the object address; those to segments do not. */
 static fsn_status exchange_sdo(struct exchange *x, bool named) {
     if (!x->mailbox->send(x->mailbox->context, x->request)) {
         return FSN_E_BUS_MAILBOX;
@@ -92,7 +92,7 @@ static fsn_status exchange_sdo(struct exchange *x, bool named) {
     return FSN_E_BUS_STATE;
 }
 
-/** Ends the transfer for the SubDevice; this is not answered. */
+/** Ends the transfer on the SubDevice, which does not answer. */
 static fsn_status give_up(struct exchange *x, fsn_status status) {
     fsn_put32(begin_object(x, ABORT, 0) + 4, ABORT_GENERAL);
     (void)x->mailbox->send(x->mailbox->context, x->request);

@@ -1,4 +1,4 @@
-/** SDO transfers over a mailbox, step by step; treats all received data as hostile input. */
+/** SDO transfers over a mailbox, step by step; all received data are treated as hostile input. */
 #ifndef FSN_LIVE_SDO_H
 #define FSN_LIVE_SDO_H
 
@@ -14,7 +14,7 @@ struct fsn_mailbox {
     uint8_t (*next_counter)(void *context);
     /** Discards the waiting messages, then sends `out_bytes` bytes. */
     bool (*send)(void *context, const uint8_t *message);
-    /** The next message of `in_bytes` bytes; false when its time is over. */
+    /** The next message of `in_bytes` bytes; false on a timeout. */
     bool (*receive)(void *context, uint8_t *message);
 };
 
