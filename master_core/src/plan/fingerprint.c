@@ -10,7 +10,7 @@
 static const char *const section_name[FSN_FINGERPRINT_SECTIONS] = {
     "devices", "process_data", "copies", "connections", "cycle", "safety_functions"};
 
-/** A symbol with its name, by which equal ones are put in order. */
+/** A symbol with its name, which determines the order of equal ones. */
 struct by_place {
     struct fsn_symbol_record record;
     const char *name;
@@ -49,7 +49,7 @@ static void put_word(struct text *text, uint32_t offset) {
     }
 }
 
-/** Puts SubDevice and number of a sync manager, `0.2`. */
+/** Writes SubDevice and number of a sync manager, `0.2`. */
 static void put_place(struct text *text, const char *before, uint32_t sm) {
     const struct fsn_sm_record r = fsn_read_sm(text->plan, sm);
     put(text, "%s%" PRIu32 ".%u", before, r.subdevice, (unsigned)r.index);
@@ -163,7 +163,7 @@ static void copies(struct text *text) {
     }
 }
 
-/** Puts a number that may be missing in the plan. */
+/** Writes a number that may be missing in the plan. */
 static void put_stated(struct text *text, const char *key, unsigned value, bool known) {
     if (known) {
         put(text, " %s=%u", key, value);
@@ -216,7 +216,7 @@ static int order(uint64_t a, uint64_t b) {
     return (a > b) - (a < b);
 }
 
-/** Symbols by place, then by all other fields in the text. */
+/** Compares symbols by place, then by all other fields in the text. */
 static int compare_symbols(const void *left, const void *right) {
     const struct by_place *one = left;
     const struct by_place *other = right;

@@ -1,11 +1,11 @@
-/** The plan of one bus, out of a plan of several: records renumbered, then proved like any other.
- */
+/** Extracts the plan of one bus from a plan of several: records are renumbered, then proved like
+ *  any other. */
 #include <stdlib.h>
 #include <string.h>
 
 #include "plan/plan_internal.h"
 
-/** Records that follow each other. */
+/** Consecutive records. */
 struct range {
     uint32_t first, count;
 };
@@ -14,8 +14,8 @@ struct part {
     const struct fsn_plan *from;
     struct fsn_plan *to;
     struct range subdevices, sms, pdos, entries, sdos;
-    uint32_t *copy;       /**< new number of each copy, FSN_NONE where it is left out */
-    uint32_t *connection; /**< the same of each connection */
+    uint32_t *copy;       /**< new number of each copy, FSN_NONE if it is omitted */
+    uint32_t *connection; /**< the same for each connection */
 };
 
 static bool holds(const struct range *range, uint32_t number) {
@@ -44,7 +44,7 @@ static void find_ranges(struct part *part) {
     }
 }
 
-/** Copies and connections that stay: those with both ends here. */
+/** Numbers the copies and connections to keep: those with both ends on this bus. */
 static void number_kept(struct part *part) {
     const struct fsn_plan *from = part->from;
     uint32_t next = 0;
@@ -72,7 +72,7 @@ static uint8_t *append(struct part *part, uint32_t section, uint32_t number) {
     return at;
 }
 
-/** Makes a number count from the first of its kind that is here. */
+/** Changes a number so that it counts from the first record of its kind in this part. */
 static void shift(uint8_t *at, const struct range *range) {
     fsn_put32(at, fsn_get32(at) - range->first);
 }

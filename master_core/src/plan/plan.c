@@ -25,8 +25,8 @@ fsn_status fsn_refuse(struct fsn_fault *fault, fsn_status status, uint32_t secti
     return status;
 }
 
-/** CRC-32 of IEEE 802.3 with four bytes at `hole` taken as zero. The table costs 2 048 steps per
- *  plan and saves a constant in the library. */
+/** CRC-32 of IEEE 802.3 with four bytes at `hole` treated as zero. Building the table takes 2 048
+ *  steps per plan and saves a constant in the library. */
 static uint32_t crc32_with_hole(const uint8_t *bytes, uint32_t len, uint32_t hole) {
     uint32_t table[256];
     for (uint32_t n = 0; n < 256; n++) {
@@ -88,7 +88,7 @@ static fsn_status check_gap(const struct fsn_plan *plan, uint32_t section, uint6
     return FSN_OK;
 }
 
-/** Sections of newer formats are there for a reason. */
+/** Whether the count of records is valid; sections of newer formats must not be empty. */
 static bool is_count_ok(const struct fsn_plan *plan, uint32_t section, uint32_t count) {
     if (section == FSN_SEC_SAFETY) {
         return count == 1 || (count == 0 && plan->sections >= FSN_SECTIONS_WITH_BUSES);
@@ -96,12 +96,12 @@ static bool is_count_ok(const struct fsn_plan *plan, uint32_t section, uint32_t 
     if (section == FSN_SEC_GROUP) {
         return count > 0;
     }
-    /* A group may be on the one bus only. */
+    /* Groups are only possible on a single bus. */
     return section != FSN_SEC_BUS ||
            (plan->sections == FSN_SECTIONS_WITH_GROUPS ? count == 0 : count > 1);
 }
 
-/** Sections follow each other in order, without gaps but zero bytes up to a multiple of 4. */
+/** Sections are consecutive and in order, without gaps except zero bytes up to a multiple of 4. */
 static fsn_status read_sections(struct fsn_plan *plan, struct fsn_fault *fault) {
     uint64_t expected = FSN_HEADER_BYTES + plan->sections * FSN_ROW_BYTES;
     for (uint32_t s = 1; s <= plan->sections; s++) {
@@ -385,7 +385,7 @@ static uint8_t hex_digit(char digit) {
     return (uint8_t)(digit <= '9' ? digit - '0' : digit - 'a' + 10);
 }
 
-/** Length and CRC-32 of application parameters, which are proved to be pairs of digits. */
+/** Length and CRC-32 of application parameters, which have been proved to be pairs of digits. */
 static void measure_app(const char *digits, struct fsn_connection_info *info) {
     uint32_t crc = UINT32_MAX;
     for (; *digits != 0; digits += 2) {

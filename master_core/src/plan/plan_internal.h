@@ -1,4 +1,4 @@
-/** The plan as loaded, shared by loader and proofs. */
+/** The loaded plan, shared by loader and proofs. */
 #ifndef FSN_PLAN_INTERNAL_H
 #define FSN_PLAN_INTERNAL_H
 
@@ -34,13 +34,13 @@ struct fsn_plan {
     uint32_t cycle_ns;
     uint32_t sections;                             /**< 10 to 13 */
     uint32_t offset[FSN_SECTIONS_WITH_GROUPS + 1]; /**< by section number; [0] unused */
-    uint32_t count[FSN_SECTIONS_WITH_GROUPS + 1];  /**< 0 of sections that it does not have */
+    uint32_t count[FSN_SECTIONS_WITH_GROUPS + 1];  /**< 0 for missing sections */
 };
 
 /** Size of one record of a section, bytes. */
 extern const uint32_t fsn_record_bytes[FSN_SECTIONS_WITH_GROUPS + 1];
 
-/** First byte of a record; the caller has checked the number. */
+/** First byte of a record; the caller must have checked the number. */
 static inline const uint8_t *fsn_record(const struct fsn_plan *plan, uint32_t section,
                                         uint32_t number) {
     return plan->bytes + plan->offset[section] + (size_t)number * fsn_record_bytes[section];
@@ -84,7 +84,7 @@ FSN_RECORD(bus, BUS)
 FSN_RECORD(group, GROUP)
 #undef FSN_RECORD
 
-/* Decodes a record, for callers that have checked its number. */
+/* Decodes a record, for callers that have already checked its number. */
 #define FSN_KNOWN(record)                                                                          \
     static inline struct fsn_##record##_info fsn_known_##record(const struct fsn_plan *plan,       \
                                                                 uint32_t number) {                 \
@@ -111,8 +111,7 @@ static inline struct fsn_parameters fsn_planned_parameters(const struct fsn_conn
                                    .app_crc = info->app_crc};
 }
 
-/** Entries of a sync manager: from the first to before `*end`. Proved: PDO by PDO without gaps.
- */
+/** Entries of a sync manager: from the first to before `*end`. Proved: consecutive PDO by PDO. */
 static inline uint32_t fsn_sm_entries(const struct fsn_plan *plan, uint32_t sm, uint32_t *end) {
     const struct fsn_sm_record r = fsn_read_sm(plan, sm);
     *end = 0;
@@ -147,7 +146,7 @@ fsn_status fsn_refuse_at(const struct fsn_at *at, fsn_status status, uint32_t fi
 /** Whether this is the offset of a string. */
 bool fsn_string_ok(const struct fsn_plan *plan, uint32_t offset);
 
-/** A string whose reference is proved; the table ends in zero. */
+/** A string whose reference has been proved; the table ends in zero. */
 static inline const char *fsn_string(const struct fsn_plan *plan, uint32_t offset) {
     return (const char *)plan->bytes + plan->offset[FSN_SEC_STRINGS] + offset;
 }
@@ -158,7 +157,7 @@ fsn_status fsn_prove_layout(const struct fsn_plan *plan, struct fsn_fault *fault
 /** Proves blocks, symbols, copies and connections; the layout must have been proved. */
 fsn_status fsn_prove_copies(const struct fsn_plan *plan, struct fsn_fault *fault);
 
-/** How a range of bytes meets the FSoE blocks of its sync manager. */
+/** Overlap of a range of bytes with the FSoE blocks of its sync manager. */
 enum fsn_overlap { FSN_OVERLAP_NONE, FSN_OVERLAP_EXACT, FSN_OVERLAP_PART };
 enum fsn_overlap fsn_overlap_of(const struct fsn_plan *plan, uint32_t sm, uint32_t byte,
                                 uint32_t size);
@@ -169,18 +168,18 @@ static inline const char *fsn_symbol_subdevice(const struct fsn_plan *plan,
     return fsn_known_subdevice(plan, fsn_known_sm(plan, symbol->sm).subdevice).name;
 }
 
-/** The entry that is exactly this symbol; index 0: the symbol is a part of an entry. */
+/** The entry that is exactly this symbol; index 0: the symbol is only a part of an entry. */
 struct fsn_entry_record fsn_symbol_object(const struct fsn_plan *plan,
                                           const struct fsn_symbol_info *symbol);
 
 /** Whether a copy writes a byte of this symbol. */
 bool fsn_is_copied(const struct fsn_plan *plan, const struct fsn_symbol_info *symbol);
 
-/** SHA-256 piece by piece: start, add as often as wanted, end. */
+/** Incremental SHA-256: start, add any number of times, end. */
 struct fsn_sha256_run {
     uint32_t state[8];
     uint64_t len_bytes;
-    size_t kept; /**< bytes of the block that wait for more */
+    size_t kept; /**< bytes of an incomplete block */
     uint8_t block[64];
 };
 void fsn_sha256_start(struct fsn_sha256_run *run);
@@ -190,11 +189,11 @@ void fsn_sha256_end(struct fsn_sha256_run *run, uint8_t digest[FSN_SHA256_BYTES]
 /** SHA-256 of any bytes. */
 void fsn_sha256(const void *bytes, size_t len_bytes, uint8_t digest[FSN_SHA256_BYTES]);
 
-/** Checksum of the first seven words of an SII: CRC-8 with polynomial 0x07 from 0xFF on. */
+/** Checksum of the first seven words of an SII: CRC-8 with polynomial 0x07, initial value 0xFF. */
 uint8_t fsn_eeprom_checksum(const uint8_t bytes[14]);
 
-/** Whether a SubDevice is there in an emulation at first: of the groups of one place only the first
- *  is. */
+/** Whether a SubDevice is present at the start of an emulation: of the groups of one place only the
+ *  first one is. */
 bool fsn_plan_is_first_choice(const struct fsn_plan *plan, uint32_t subdevice);
 
 /** Takes another reference to a plan; fsn_plan_free() releases it. */

@@ -1,5 +1,5 @@
 /** The proofs of docs/reference/plan-format.md, “What a reader proves again”, second half: the data
- *  moved between the SubDevices. Blocks and copies are sorted, so every overlap shows at a
+ *  copied between the SubDevices. Blocks and copies are sorted, so every overlap is found at a
  *  neighbour or by bisection: O(n log n) for any file. */
 #include <string.h>
 
@@ -22,7 +22,7 @@ static fsn_status prove_blocks(const struct fsn_plan *plan, struct fsn_fault *fa
             return fsn_refuse_at(&at, FSN_E_PLAN_REFERENCE, FSN_AT(block, sm),
                                  "the block's sync manager does not exist");
         }
-        /* The lengths of ETG.5100: with another one, no end would take the frame. */
+        /* The lengths of ETG.5100: no end would accept a frame with another length. */
         if (!fsn_fsoe_is_frame_length(r.frame_bytes) ||
             r.safe_bytes != safe_bytes_of(r.frame_bytes)) {
             return fsn_refuse_at(
@@ -34,7 +34,7 @@ static fsn_status prove_blocks(const struct fsn_plan *plan, struct fsn_fault *fa
             return fsn_refuse_at(&at, FSN_E_COPY_RANGE, FSN_AT(block, byte_offset),
                                  "the block ends after its sync manager");
         }
-        /* Sorted blocks need one comparison each, and other rules search them by halving. */
+        /* Sorted blocks need one comparison each, and other rules search them by bisection. */
         if (at.number > 0 && (r.sm < last_sm || (r.sm == last_sm && r.byte_offset < last_end))) {
             return fsn_refuse_at(&at, FSN_E_COPY_OVERLAP, FSN_AT(block, byte_offset),
                                  "blocks overlap or are not sorted by sync manager and offset");
@@ -49,7 +49,8 @@ static fsn_status prove_blocks(const struct fsn_plan *plan, struct fsn_fault *fa
     return FSN_OK;
 }
 
-/** First block that ends after `byte` of an SM, in the sorted list of blocks; count if none. */
+/** First block that ends after `byte` of an SM, in the sorted list of blocks; count if there is
+ *  none. */
 static uint32_t first_block_behind(const struct fsn_plan *plan, uint32_t sm, uint32_t byte) {
     uint32_t low = 0;
     uint32_t high = plan->count[FSN_SEC_BLOCK];
@@ -102,7 +103,8 @@ bool fsn_is_copied(const struct fsn_plan *plan, const struct fsn_symbol_info *sy
     return r.destination_sm == symbol->sm && r.destination_bit / 8 < behind;
 }
 
-/** Stop values of symbols: bits of an output itself, and none that could start a machine. */
+/** Checks stop values of symbols: only bits of an output itself, and none that could start a
+ *  machine. */
 static bool is_stop_value_ok(const struct fsn_symbol_record *symbol) {
     const uint64_t value = symbol->stop_value;
     const bool closed = (symbol->flags & 1u) == 0 || (symbol->flags & 2u) != 0;
@@ -127,7 +129,7 @@ static fsn_status prove_symbols(const struct fsn_plan *plan, struct fsn_fault *f
             return fsn_refuse_at(&at, FSN_E_PLAN_REFERENCE, FSN_AT(symbol, sm),
                                  "the symbol's sync manager does not exist");
         }
-        /* Unknown flags are of a newer format, whose meaning this version would miss. */
+        /* Unknown flags belong to a newer format, whose meaning this version would miss. */
         if (r.flags > 3 || r.reserved != 0) {
             return fsn_refuse_at(
                 &at, FSN_E_PLAN_RESERVED, FSN_AT(symbol, flags),
@@ -140,7 +142,7 @@ static fsn_status prove_symbols(const struct fsn_plan *plan, struct fsn_fault *f
                 &at, FSN_E_PLAN_VALUE, FSN_AT(symbol, bits),
                 "a symbol has 1 to 64 bits, a known type and the direction of its sync manager");
         }
-        /* Subtracted, not added: the sum of two numbers of 32 bits can overflow. */
+        /* Subtracted, not added, because the sum of two 32-bit numbers can overflow. */
         if (r.bit_offset > sm.bits || r.bits > sm.bits - r.bit_offset) {
             return fsn_refuse_at(&at, FSN_E_COPY_RANGE, FSN_AT(symbol, bit_offset),
                                  "the symbol ends after its sync manager");
@@ -155,7 +157,7 @@ static fsn_status prove_symbols(const struct fsn_plan *plan, struct fsn_fault *f
             return fsn_refuse_at(&at, FSN_E_PLAN_VALUE, FSN_AT(symbol, factor),
                                  "factor and offset are finite numbers, and the factor is not 0");
         }
-        /* A value that crosses a byte border touches both bytes. */
+        /* A value across a byte border uses both bytes. */
         const uint32_t first = r.bit_offset / 8;
         const uint32_t last = (r.bit_offset + r.bits - 1) / 8;
         if (fsn_overlap_of(plan, r.sm, first, last - first + 1) != FSN_OVERLAP_NONE) {
@@ -181,7 +183,7 @@ static struct end destination_of(const struct fsn_copy_record *copy) {
                         FSN_AT(copy, destination_bit)};
 }
 
-/** A registered SM of the correct direction, whole bytes inside it. */
+/** Proves that it is a registered SM of the correct direction, and whole bytes inside it. */
 static fsn_status prove_end(const struct fsn_at *at, const struct end end, uint8_t direction,
                             uint32_t bits) {
     if (end.sm >= at->plan->count[FSN_SEC_SM]) {
@@ -279,7 +281,7 @@ static fsn_status prove_copies(const struct fsn_plan *plan, struct fsn_fault *fa
     return FSN_OK;
 }
 
-/** One direction of a connection: an FSoE copy of its own, between the correct SubDevices.
+/** Proves one direction of a connection: a separate FSoE copy between the correct SubDevices.
  *  @param[in] field  first byte of the field with the number of the copy. */
 static fsn_status prove_direction(const struct fsn_at *at, uint32_t field, uint32_t number,
                                   uint32_t from, uint32_t to, uint32_t safe_bytes) {
@@ -303,7 +305,7 @@ static fsn_status prove_direction(const struct fsn_at *at, uint32_t field, uint3
     return FSN_OK;
 }
 
-/** Application parameters. A longer list would make a hostile plan slow to prove. */
+/** Checks application parameters. A longer list would make a hostile plan slow to prove. */
 static bool are_hex_pairs(const char *digits) {
     const size_t count = strspn(digits, "0123456789abcdef");
     return digits[count] == 0 && count % 2 == 0 && count / 2 <= MOST_APP_BYTES;
@@ -343,7 +345,7 @@ static fsn_status prove_connections(const struct fsn_plan *plan, struct fsn_faul
     return FSN_OK;
 }
 
-/** Each FSoE copy is one of the two of the connection it names. */
+/** Proves that each FSoE copy is one of the two of the connection that it names. */
 static fsn_status prove_owners(const struct fsn_plan *plan, struct fsn_fault *fault) {
     struct fsn_at at = {plan, fault, FSN_SEC_COPY, 0};
     for (; at.number < plan->count[FSN_SEC_COPY]; at.number++) {

@@ -29,7 +29,7 @@ static fsn_status prove_strings(const struct fsn_plan *plan, struct fsn_fault *f
     return FSN_OK;
 }
 
-/** A range of records that must start where the one before ended. */
+/** Whether a range of records starts where the previous one ended. */
 static bool tiles(uint32_t first, uint32_t count, uint32_t *running, uint32_t total) {
     if (first != *running || count > total - first) {
         return false;
@@ -94,7 +94,7 @@ static fsn_status prove_sdos(const struct fsn_plan *plan, struct fsn_fault *faul
     return FSN_OK;
 }
 
-/** Entries of one PDO: follow each other from `bit` on. */
+/** Proves the entries of one PDO: consecutive from `bit` on. */
 static fsn_status prove_entries(struct fsn_at *at, uint32_t first, uint32_t count, uint32_t *bit,
                                 bool *registered) {
     at->section = FSN_SEC_ENTRY;
@@ -157,7 +157,7 @@ static fsn_status prove_one_sm(const struct fsn_at *at, uint32_t owner, int prev
         return fsn_refuse_at(at, FSN_E_PLAN_REFERENCE, FSN_AT(sm, subdevice),
                              "the sync manager belongs to another SubDevice");
     }
-    /* Rising numbers: a sync manager then exists once, and the order of the image is fixed. */
+    /* Ascending numbers: a sync manager then exists once, and the order of the image is fixed. */
     if (r.index > 15 || (int)r.index <= previous_index || r.direction < FSN_OUTPUT ||
         r.direction > FSN_INPUT || r.watchdog > 2) {
         return fsn_refuse_at(
@@ -179,7 +179,8 @@ static fsn_status prove_one_sm(const struct fsn_at *at, uint32_t owner, int prev
     if (status != FSN_OK) {
         return status;
     }
-    /* Length and flag are stored twice, so that readers need not add them up; both must agree. */
+    /* Length and flag are stored twice, so that readers need not calculate them; both must
+     * agree. */
     if (bits != r.bits || registered != (r.registered == 1)) {
         return fsn_refuse_at(at, FSN_E_PLAN_LAYOUT, FSN_AT(sm, bits),
                              "the entries do not add up to length and flags of the sync manager");
@@ -210,7 +211,7 @@ static fsn_status prove_sms(const struct fsn_plan *plan, struct fsn_fault *fault
     return FSN_OK;
 }
 
-/** Without buses of its own a plan has one, of all SubDevices. */
+/** A plan without bus records has one bus, with all SubDevices. */
 static fsn_status prove_buses(const struct fsn_plan *plan, struct fsn_fault *fault) {
     const uint32_t count = plan->count[FSN_SEC_BUS];
     uint32_t subdevices = 0;
@@ -239,7 +240,7 @@ static fsn_status prove_buses(const struct fsn_plan *plan, struct fsn_fault *fau
     return FSN_OK;
 }
 
-/** Whether the SubDevices of a group are found by the alias of the first, consecutively. */
+/** Whether the SubDevices of a group are consecutive and found by the alias of the first. */
 static bool is_found_by_alias(const struct fsn_plan *plan, const struct fsn_group_record *group) {
     const uint16_t alias = fsn_read_subdevice(plan, group->first_subdevice).alias;
     for (uint32_t n = 0; n < group->subdevice_count; n++) {
@@ -251,7 +252,7 @@ static bool is_found_by_alias(const struct fsn_plan *plan, const struct fsn_grou
     return true;
 }
 
-/** Groups rise, with SubDevices between them that are always there. */
+/** Groups are ascending, with permanent SubDevices between them. */
 static fsn_status prove_groups(const struct fsn_plan *plan, struct fsn_fault *fault) {
     uint32_t end = 0;
     struct fsn_at at = {plan, fault, FSN_SEC_GROUP, 0};
