@@ -1,12 +1,12 @@
-/** Atomics of the cyclic path: where one is not lock-free, the compiler calls a library that locks.
- */
+/** Atomics of the cyclic path: if one is not lock-free, the compiler calls a library function that
+ *  locks. */
 #ifndef FSN_ATOMICS_H
 #define FSN_ATOMICS_H
 
 #include <stdatomic.h>
 #include <stdint.h>
 
-enum { FSN_ALWAYS_LOCK_FREE = 2 }; /* as the ATOMIC_..._LOCK_FREE of C11 say it */
+enum { FSN_ALWAYS_LOCK_FREE = 2 }; /* value of the ATOMIC_..._LOCK_FREE macros of C11 */
 
 _Static_assert(ATOMIC_BOOL_LOCK_FREE == FSN_ALWAYS_LOCK_FREE, "atomic_bool is lock-free");
 _Static_assert(ATOMIC_CHAR_LOCK_FREE == FSN_ALWAYS_LOCK_FREE, "_Atomic uint8_t is lock-free");

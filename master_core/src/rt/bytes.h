@@ -1,4 +1,4 @@
-/** Numbers in bytes, low byte first: as EtherCAT, FSoE and plan files have them. */
+/** Numbers in bytes, low byte first, as in EtherCAT, FSoE and plan files. */
 #ifndef FSN_BYTES_H
 #define FSN_BYTES_H
 
@@ -59,7 +59,7 @@ static inline uint64_t fsn_read_bits(const uint8_t *image, uint32_t bit, uint32_
     return value;
 }
 
-/** One byte of a CRC-32 of IEEE 802.3, which begins with ~0 and is inverted at its end. */
+/** One byte of a CRC-32 of IEEE 802.3, with initial value ~0 and a final inversion. */
 static inline uint32_t fsn_crc32_step(uint32_t crc, uint8_t byte) {
     crc ^= byte;
     for (unsigned bit = 0; bit < 8; bit++) {

@@ -75,7 +75,7 @@ void fsn_rt_clients_write(struct fsn_rt *rt) {
     }
 }
 
-/** When the next cycle begins at the earliest: a reference clock may steer it a little. */
+/** The earliest start of the next cycle: a reference clock may adjust it a little. */
 static uint64_t next_ns(const struct fsn_rt *rt) {
     if (rt->free_run) {
         return rt->statistics.now_ns;

@@ -1,4 +1,4 @@
-/** A clock of the system as one number. A file that uses it asks for POSIX before any include. */
+/** A system clock as one number. A file that uses it must request POSIX before any include. */
 #ifndef FSN_CLOCK_H
 #define FSN_CLOCK_H
 
@@ -11,7 +11,7 @@ static inline uint64_t fsn_clock_ns(clockid_t clock) {
     return (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
 }
 
-/** Continues a reading of which 32 bits count: the moment nearest to the expected one.
+/** Extends a reading of 32 valid bits to the time nearest to the expected one.
  *  @param[in] shown_ns  a clock may have 32 bits only; its upper bits are not used. */
 static inline uint64_t fsn_clock_nearest(uint64_t expected_ns, uint64_t shown_ns) {
     return expected_ns + (uint64_t)(int64_t)(int32_t)((uint32_t)shown_ns - (uint32_t)expected_ns);

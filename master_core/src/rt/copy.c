@@ -5,9 +5,9 @@
 /* A constant size lets the compiler turn memcpy into one to four loads and stores, which is why
  * copies are grouped by size: the only branch is per group, not per copy, and not on data.
  *
- * Above 64 bytes: whole blocks of 16 with a constant count, then the last 16 bytes once more from
- * the end. Both halves stay inside the range, so no byte outside it is ever written, and since
- * sources are inputs and destinations are outputs nothing is read after it was written. */
+ * Above 64 bytes: whole blocks of 16 with a constant count, then the last 16 bytes again from the
+ * end. Both parts stay inside the range, so no byte outside it is ever written. Because sources are
+ * inputs and destinations are outputs, no byte is read after it was written. */
 enum { BLOCK = 16 };
 
 #define EACH_COPY for (; copy != end; copy++)

@@ -1,11 +1,11 @@
 /** CRC-16 of FSoE (§2), polynomial 0x139B7, by tables: a CRC that starts from 0 is linear, so the
- *  CRC of a block is the XOR of the CRCs of its bytes, each followed by as many zero bytes as
- *  follow it in the block. No step waits for the one before. */
+ *  CRC of a block is the XOR of the CRCs of its bytes, each followed by as many zero bytes as the
+ *  block has after it. No step depends on the previous one. */
 #include "fsn/fsoe.h"
 
 enum { POLYNOMIAL = 0x139B7, FIRST = 3, LAST = 13 };
 
-/* A table from the CRCs of its eight single bits. */
+/* Builds a table from the CRCs of its eight single bits. */
 #define BIT(n, bit, crc) (((n) >> (bit)) & 1 ? (crc) : 0)
 #define CRC(n, a, b, c, d, e, f, g, h)                                                             \
     (uint16_t)(BIT(n, 0, a) ^ BIT(n, 1, b) ^ BIT(n, 2, c) ^ BIT(n, 3, d) ^ BIT(n, 4, e) ^          \
@@ -22,7 +22,7 @@ enum { POLYNOMIAL = 0x139B7, FIRST = 3, LAST = 13 };
 #define TABLE(...)                                                                                 \
     CRC64(0, __VA_ARGS__), CRC64(64, __VA_ARGS__), CRC64(128, __VA_ARGS__), CRC64(192, __VA_ARGS__)
 
-/* Row n - FIRST: CRCs of a byte that n zero bytes follow; n from FIRST to LAST. */
+/* Row n - FIRST: CRCs of a byte followed by n zero bytes; n from FIRST to LAST. */
 static const uint16_t table[LAST - FIRST + 1][256] = {
     {TABLE(0x7648, 0xEC90, 0xE097, 0xF899, 0xC885, 0xA8BD, 0x68CD, 0xD19A)}, /* 3 */
     {TABLE(0x9A83, 0x0CB1, 0x1962, 0x32C4, 0x6588, 0xCB10, 0xAF97, 0x6699)}, /* 4 */
@@ -85,8 +85,8 @@ uint16_t fsn_fsoe_expected_crc0(const uint8_t *frame, size_t len_bytes, uint16_t
     return head_crc(frame, id, old_crc, sequence, 5) ^ data_crc(frame + 1);
 }
 
-/** Counts the blocks after the first that fit a head; the number of a block, which is below 63,
- *  stands between head and data. */
+/** Counts the blocks after the first that match a head. The number of a block, which is below 63,
+ *  is between head and data. */
 static unsigned fitting_blocks(const uint8_t *frame, unsigned blocks, uint16_t head) {
     unsigned n = 1;
     while (n < blocks) {
@@ -116,7 +116,7 @@ bool fsn_fsoe_check(const uint8_t *frame, size_t len_bytes, uint16_t old_crc, ui
     return fitting_blocks(frame, blocks, head) == blocks;
 }
 
-/** Takes a register back over zero bits that were shifted in. */
+/** Reverts a register by zero bits that were shifted in. */
 static uint16_t shift_back(uint16_t crc, unsigned bits) {
     uint32_t rest = crc;
     for (; bits > 0; bits--) {
@@ -146,7 +146,7 @@ bool fsn_fsoe_is_whole(const uint8_t *frame, size_t len_bytes, unsigned *blocks)
     const unsigned all = blocks_of(len_bytes);
     unsigned fitting = 1;
     if (all >= 2) {
-        /* Share of the head in the CRC of the first block, with two more zero bytes after it. */
+        /* Share of the head in the CRC of the first block, followed by two more zero bytes. */
         const uint16_t head = shift(fsn_fsoe_crc0(frame, len_bytes) ^ data_crc(frame + 1), 16);
         fitting = fitting_blocks(frame, all, head);
     }

@@ -37,8 +37,8 @@ static void clear_input(struct fsn_rt *rt) {
     rt->input.dc_time_ns = 0;
 }
 
-/** Working counter verdict per datagram, and age of the inputs. Nothing is done about either: an
- *  old frame is harmless, and the watchdog of its receiver decides. */
+/** Judges the working counter of each datagram, and the age of the inputs. Neither changes what is
+ *  sent: an old frame is harmless, and the watchdog of its receiver handles the rest. */
 static void judge_input(struct fsn_rt *rt) {
     struct fsn_statistics *s = &rt->statistics;
     uint32_t bad = 0;
@@ -124,8 +124,8 @@ void fsn_rt_cycle(struct fsn_rt *rt, uint64_t now_ns, bool timed) {
     fsn_rt_clients_show(rt, timed);
 }
 
-/** Distance of a DC time from its target, a fixed time before a multiple of the cycle, half a cycle
- *  at most to either side: positive when it is late. A frame may contain any time. */
+/** Distance of a DC time from its target, which is a fixed time before a multiple of the cycle. It
+ *  is at most half a cycle in either direction; positive if late. A frame may contain any time. */
 static int64_t dc_distance(const struct fsn_rt *rt, uint64_t dc_time_ns) {
     const uint64_t cycle = rt->cycle_ns;
     const uint64_t behind = (dc_time_ns % cycle + rt->dc_shift_ns % cycle) % cycle;
@@ -136,9 +136,9 @@ static int64_t bounded(int64_t value, int64_t most) {
     return value > most ? most : value < -most ? -most : value;
 }
 
-/** Steers the wake-ups after the reference clock, by phase and rate: a sixteenth of the distance
- *  per cycle, and the remainder adds up. Never more than a hundredth of a cycle, so that one
- *  outlier has little effect. The reply is that of the cycle before. */
+/** Adjusts the wake-ups to the reference clock, in phase and rate: a sixteenth of the distance per
+ *  cycle; the remainder is accumulated. Never more than a hundredth of a cycle, so that one outlier
+ *  has little effect. The reply is that of the previous cycle. */
 static uint64_t steer(struct fsn_rt *rt, uint64_t next_ns) {
     const uint64_t late_ns = rt->dc_late_ns;
     rt->dc_late_ns = rt->late_ns;
@@ -156,7 +156,7 @@ static uint64_t steer(struct fsn_rt *rt, uint64_t next_ns) {
     return next_ns - (uint64_t)bounded(distance / 16 + rt->dc_sum_ns / 1024, most);
 }
 
-/** The first wake-up, where the bus is set to our clock: at its place before SYNC0. */
+/** The first wake-up if the bus is set to our clock: at its position before SYNC0. */
 static uint64_t align(const struct fsn_rt *rt, uint64_t next_ns) {
     return rt->dc_base_ns == 0 ? next_ns
                                : next_ns - (uint64_t)dc_distance(rt, next_ns + rt->dc_base_ns);
@@ -177,7 +177,7 @@ void fsn_rt_loop(struct fsn_rt *rt) {
         before = now;
         rt->late_ns = !rt->free_run && now > next ? now - next : 0;
         rt->left_out = rt->late_ns / rt->cycle_ns;
-        s->overruns += rt->left_out; /* already in the snapshot of this cycle, as its time is */
+        s->overruns += rt->left_out; /* already in the snapshot of this cycle, like its time */
         mark(rt, "fsn: cycle begins");
         fsn_rt_cycle(rt, now, true);
         mark(rt, "fsn: cycle ends");

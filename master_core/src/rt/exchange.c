@@ -31,14 +31,14 @@ void fsn_exchange_receive(struct fsn_exchange *exchange, uint8_t *image,
                           struct fsn_bus_input *input) {
     const bool fresh = fsn_triple_take(&exchange->up);
     const struct fsn_exchange_inputs *set = &exchange->brought[exchange->up.reader];
-    /* Between two cycles of a slower bus its last cycle counts; its age is not a fault. */
+    /* Between two cycles of a slower bus its last cycle counts; its age is not an error. */
     memcpy(input->wkc, set->wkc, exchange->datagram_count * sizeof *set->wkc);
     if (!fresh) {
         return;
     }
     memcpy(input->sm_stale, set->sm_stale, exchange->sm_count);
     fsn_exchange_copy(image, set->image, exchange->inputs, exchange->input_count);
-    /* Differences, so that nothing is missed of a set that was never looked at. */
+    /* Differences, so that sets that were never read are included. */
     input->lost_frames += set->totals.lost_frames - exchange->known.lost_frames;
     input->old_replies += set->totals.old_replies - exchange->known.old_replies;
     input->foreign_frames += set->totals.foreign_frames - exchange->known.foreign_frames;

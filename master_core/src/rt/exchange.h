@@ -1,5 +1,5 @@
-/** Process data between the cycle of a bus and the leading cycle, whichever comes when: each side
- *  finds the newest whole image of the other, or the one before. Nobody waits. */
+/** Process data between the cycle of a bus and the first bus's cycle, in any order: each side finds
+ *  the newest complete image of the other, or the previous one. Neither waits. */
 #ifndef FSN_EXCHANGE_H
 #define FSN_EXCHANGE_H
 
@@ -28,17 +28,17 @@ struct fsn_exchange_inputs {
 struct fsn_exchange {
     uint8_t *image; /**< of the bus */
     uint32_t image_bytes, datagram_count, sm_count;
-    const struct fsn_exchange_span *inputs, *outputs; /**< one block, the inputs first */
-    uint8_t *room;                                    /**< of the sets below */
+    const struct fsn_exchange_span *inputs, *outputs; /**< one block, inputs first */
+    uint8_t *room;                                    /**< memory of the sets below */
     uint32_t input_count, output_count;
     struct fsn_triple up, down;
     struct fsn_exchange_inputs brought[FSN_TRIPLE_SETS];
-    uint8_t *given[FSN_TRIPLE_SETS];    /**< images of which the outputs count */
+    uint8_t *given[FSN_TRIPLE_SETS];    /**< images that contain the outputs */
     struct fsn_exchange_totals counted; /**< of the bus's own cycle */
     struct fsn_exchange_totals known;   /**< of the leading cycle */
 };
 
-/** Cycle of the bus, after its receive(): hands its inputs over and fetches the outputs. */
+/** Cycle of the bus, after its receive(): publishes its inputs and fetches the outputs. */
 void fsn_exchange_in_bus(struct fsn_exchange *exchange, const struct fsn_bus_input *input);
 
 /** Leading cycle: takes the inputs.
@@ -47,7 +47,7 @@ void fsn_exchange_in_bus(struct fsn_exchange *exchange, const struct fsn_bus_inp
 void fsn_exchange_receive(struct fsn_exchange *exchange, uint8_t *image,
                           struct fsn_bus_input *input);
 
-/** Leading cycle: hands the outputs over. */
+/** Leading cycle: publishes the outputs. */
 void fsn_exchange_send(struct fsn_exchange *exchange, const uint8_t *image);
 
 /** Copies some sync managers from one image to another. */

@@ -1,5 +1,5 @@
-/** The passive monitor of one connection: fsoe_net/self_test/monitor.py line by line, which a test
- *  compares with it. */
+/** The passive monitor of one connection, equivalent to fsoe_net/self_test/monitor.py line by line;
+ *  a test compares them. */
 #include "fsn/monitor.h"
 
 #include <string.h>
@@ -12,7 +12,7 @@ static uint16_t advance(uint16_t sequence) {
     return sequence == 0xFFFF ? 1 : (uint16_t)(sequence + 1);
 }
 
-/** The end that lags decides: a connection is in Data when both are. */
+/** The end that lags decides: a connection is in Data if both ends are. */
 static enum fsn_observed observed_state(uint8_t to_sub, uint8_t to_main) {
     if (to_sub == 0 || to_main == 0) {
         return FSN_OBSERVED_SILENT;
@@ -47,7 +47,7 @@ static void count_interval(struct fsn_direction *d, uint64_t interval_ns) {
     d->intervals++;
 }
 
-/** Takes a new frame into the counters of its direction. */
+/** Counts a new frame in its direction. */
 static void count_frame(struct fsn_direction *d, const uint8_t *frame, uint32_t size_bytes,
                         uint64_t now_ns) {
     const bool was_data = d->command == FSN_CMD_PROCESS_DATA || d->command == FSN_CMD_FAILSAFE_DATA;
@@ -61,7 +61,7 @@ static void count_frame(struct fsn_direction *d, const uint8_t *frame, uint32_t 
     d->process_data += frame[0] == FSN_CMD_PROCESS_DATA;
     d->failsafe_data += frame[0] == FSN_CMD_FAILSAFE_DATA;
     if (frame[0] == FSN_CMD_RESET) {
-        /* One Reset may be several frames in a row; only its begin counts. */
+        /* One Reset may be several consecutive frames; only the first one counts. */
         d->resets += d->command != FSN_CMD_RESET;
         d->reset_code = frame[1];
     }
@@ -104,7 +104,7 @@ static bool fits(struct fsn_monitor *m, unsigned way, const uint8_t *frame) {
     return true;
 }
 
-/** Forgets the numbers; the search begins with the next frame of the other direction. */
+/** Discards the numbers; the search begins with the next frame of the other direction. */
 static void lose(struct fsn_monitor *m, unsigned way, const uint8_t *frame) {
     m->lost |= m->followed[0].sequence != 0 || m->followed[1].sequence != 0;
     for (unsigned i = 0; i < 2; i++) {
@@ -116,9 +116,9 @@ static void lose(struct fsn_monitor *m, unsigned way, const uint8_t *frame) {
     remember(m, way, fsn_fsoe_crc0(frame, m->followed[way].size_bytes));
 }
 
-/** The main's first Session frame restarts the chain at any time (§6 row 9). One that does not fit
- *  leaves a known chain alone: the reply to a session given up before is ignored by a main as well
- *  (§5 row 11). */
+/** The main's first Session frame restarts the chain at any time (§6 row 9). A frame that does not
+ *  match leaves a known chain unchanged: a main also ignores the reply to an abandoned session (§5
+ *  row 11). */
 static enum fsn_verdict take_session(struct fsn_monitor *m, unsigned way, const uint8_t *frame) {
     struct fsn_followed *f = &m->followed[way];
     if (f->sequence != 0 && fits(m, way, frame)) {
@@ -147,7 +147,7 @@ static bool continues(const struct fsn_monitor *m, const struct fsn_followed *f,
     return crc == f->own && sequence == advance(f->guess);
 }
 
-/** Solves for the number; a second one that follows the first confirms it. */
+/** Calculates the number; a consecutive second one confirms it. */
 static enum fsn_verdict search(struct fsn_monitor *m, unsigned way, const uint8_t *frame) {
     struct fsn_followed *f = &m->followed[way];
     const uint16_t sequence =
@@ -157,7 +157,7 @@ static enum fsn_verdict search(struct fsn_monitor *m, unsigned way, const uint8_
     remember(m, way, fsn_fsoe_crc0(frame, f->size_bytes));
     f->guess = whole && sequence != 0 ? advance(sequence) : 0;
     if (!whole) {
-        return FSN_VERDICT_WRONG; /* the blocks do not fit each other, whatever the chain is */
+        return FSN_VERDICT_WRONG; /* the blocks do not match each other, whatever the chain is */
     }
     if (!found) {
         return FSN_VERDICT_UNCHECKED;
@@ -180,7 +180,7 @@ static enum fsn_verdict judge(struct fsn_monitor *m, unsigned way, const uint8_t
     if (frame[0] == FSN_CMD_SESSION) {
         return take_session(m, way, frame);
     }
-    if (m->last_way == way) { /* the answer passed unseen */
+    if (m->last_way == way) { /* the answer was not observed */
         lose(m, way, frame);
         return FSN_VERDICT_UNCHECKED;
     }
@@ -217,8 +217,7 @@ static bool is_whole(const struct fsn_sent_list *list) {
            list->count - sizeof list->head >= fsn_get16(list->head + 4);
 }
 
-/** Shows a list that is whole: ConnID and address, or 2, watchdog, length, application data (§4).
- */
+/** Stores a complete list: ConnID and address, or 2, watchdog, length, application data (§4). */
 static void show_list(const struct fsn_sent_list *list, struct fsn_parameters *parameters) {
     if (!is_whole(list)) {
         return;
@@ -235,7 +234,7 @@ static void show_list(const struct fsn_sent_list *list, struct fsn_parameters *p
     }
 }
 
-/** The next frame of the start-up is one of the same list or the first one of the next. */
+/** Whether the next frame of the start-up belongs to the same list or begins the next one. */
 static bool is_next(const struct fsn_sent_list *list, uint8_t command) {
     if (list->command == command) {
         return true;
@@ -333,12 +332,12 @@ bool fsn_monitor_sub_first(const struct fsn_monitor *monitor, const uint8_t *to_
     }
     if (to_main[0] == FSN_CMD_RESET) {
         /* Correct at any time: most likely the acknowledgement of a Reset of the main, which starts
-         * a session only after it. */
+         * a session only after that. */
         const uint8_t before = monitor->status.direction[FSN_TO_SUB].command;
         return to_sub[0] == FSN_CMD_SESSION && (before == FSN_CMD_RESET || before == 0);
     }
-    /* A restart is valid at any time, so it does not show the order; other frames of the main do.
-     */
+    /* A restart is valid at any time, so it does not show the order; other frames of the main
+     * do. */
     const bool restart = to_sub[0] == FSN_CMD_RESET || to_sub[0] == FSN_CMD_SESSION;
     return (restart || try_frame(monitor, FSN_TO_SUB, to_sub) != FSN_VERDICT_RIGHT) &&
            try_frame(monitor, FSN_TO_MAIN, to_main) == FSN_VERDICT_RIGHT;

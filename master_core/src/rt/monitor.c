@@ -1,10 +1,10 @@
-/** Looks at the image for the monitors of all connections, and reports changes of state. */
+/** Passes the image to the monitors of all connections, and reports changes of state. */
 #include "rt/rt.h"
 
 #include <string.h>
 
-/** The end that began the present reset. An end acknowledges with code 0, so when both show a Reset
- *  in one cycle, it is the one that gives a reason; else the main. */
+/** The end that began the current reset. An end acknowledges with code 0. If both show a Reset in
+ *  one cycle, it is therefore the end that gives a reason, otherwise the main. */
 static unsigned reset_by(const struct fsn_connection_status *status) {
     const struct fsn_direction *d = status->direction;
     if (d[FSN_TO_SUB].command != FSN_CMD_RESET) {
@@ -39,7 +39,8 @@ static void follow(struct fsn_monitor *monitor, const uint8_t *const frames[2], 
     (void)fsn_monitor_frame(monitor, second, frames[second], now_ns);
 }
 
-/** Compares the observation with the plan; values unknown in either are left unchanged. */
+/** Compares the observation with the plan; values that are unknown on either side are not
+ *  compared. */
 static void compare(struct fsn_rt *rt, uint32_t connection, uint64_t now_ns) {
     struct fsn_connection_status *status = &rt->monitors[connection].status;
     const struct fsn_parameters *seen = &status->parameters;

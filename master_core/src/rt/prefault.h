@@ -5,8 +5,8 @@
 #include <stdint.h>
 #include <stdlib.h>
 
-/** Zeros like calloc, whose pages are all touched once: without locked memory each page that is not
- *  would cost a page fault in the first cycle that writes it. To be freed by free(). */
+/** Allocates zeros like calloc, and touches all pages once: without locked memory, each untouched
+ *  page would cause a page fault in the first cycle that writes it. To be freed by free(). */
 static inline void *fsn_calloc_prefaulted(size_t count, size_t size_bytes) {
     enum { STEP_BYTES = 1024 }; /* no page is smaller */
     volatile uint8_t *bytes = calloc(count, size_bytes);

@@ -5,8 +5,8 @@ static uint32_t saturated(uint64_t value) {
     return value > UINT32_MAX ? UINT32_MAX : (uint32_t)value;
 }
 
-/* Sequence of a slot: 2 n - 1 while cycle n is written, 2 n when it is whole. A reader of cycle n
- * sees 2 n before and after it; otherwise the cycle is not yet, or no longer, in the slot. */
+/* Sequence of a slot: 2 n - 1 while cycle n is written, 2 n when it is complete. A reader of cycle
+ * n reads 2 n before and after it; otherwise the cycle is not yet, or no longer, in the slot. */
 void fsn_rt_record(struct fsn_rt *rt, uint64_t work_ns) {
     struct fsn_rt_recorder *r = &rt->recorder;
     const struct fsn_statistics *s = &rt->statistics;
@@ -24,7 +24,7 @@ void fsn_rt_record(struct fsn_rt *rt, uint64_t work_ns) {
                                         .actual_wkc = s->actual_wkc,
                                         .overruns = saturated(rt->left_out)};
         _Atomic uint64_t *sequence = r->words + (s->cycles % r->slots) * r->slot_words;
-        /* mutants: only a reader in the middle sees this, see test_record.c */
+        /* mutants: only a reader in between sees this, see test_record.c */
         atomic_store_explicit(sequence, 2 * s->cycles - 1, memory_order_relaxed);
         atomic_thread_fence(memory_order_release);
         _Atomic uint64_t *words = fsn_words_put(sequence + 1, &cycle, sizeof cycle);

@@ -1,5 +1,5 @@
-/** Memory that a real-time client and fsn-master share, as both sides see it. A change here
- *  requires a new FSN_SHARED_LAYOUT: a client with another one is refused.
+/** Layout of the memory shared by a real-time client and fsn-master. A change here requires a new
+ *  FSN_SHARED_LAYOUT: a client with another one is refused.
  *
  *  The inputs are one file for all clients, sealed so that only the master writes it. The outputs
  *  are a file for each client: whatever it contains, the master reads only the words of the outputs
@@ -13,7 +13,7 @@ enum {
     FSN_SHARED_MAGIC = 0x736E7366, /**< "fsns" */
     FSN_SHARED_LAYOUT = 2,
     FSN_SHARED_PICTURES = 4, /**< cycles that stay readable: the largest delay of a reader */
-    FSN_SHARED_SETS = 2,     /**< sets of outputs that a client fills in turn */
+    FSN_SHARED_SETS = 2,     /**< sets of outputs that a client fills alternately */
     FSN_SHARED_CLIENTS = 8,  /**< at once */
     FSN_SHARED_ALIGN = 64,
 };
@@ -22,7 +22,7 @@ enum {
 enum fsn_shared_state {
     FSN_SHARED_WAITS, /**< none received: they have their stop values */
     FSN_SHARED_RUNS,
-    FSN_SHARED_LATE /**< too many cycles without new ones: they have their stop values */
+    FSN_SHARED_LATE /**< too many cycles without new outputs: they have their stop values */
 };
 
 /** A value of the process image. */
@@ -45,9 +45,9 @@ struct fsn_shared_cycle {
     uint64_t cycle;      /**< its number */
     uint64_t now_ns;     /**< its start, monotonic */
     uint64_t next_ns;    /**< earliest start of the next one */
-    uint64_t dc_time_ns; /**< DC reference clock as last seen; 0 without one */
-    uint64_t shown_ns;   /**< from its start until it was shown; 0 where it is not known */
-    uint64_t overruns;   /**< cycles left out so far */
+    uint64_t dc_time_ns; /**< last reading of the DC reference clock; 0 if there is none */
+    uint64_t shown_ns;   /**< time from its start until it was published; 0 if unknown */
+    uint64_t overruns;   /**< cycles omitted so far */
     uint32_t expected_wkc, actual_wkc;
 };
 
@@ -72,20 +72,20 @@ struct fsn_shared_inputs {
     uint32_t symbol_count, image_bytes;
     uint8_t plan_sha256[32];
     _Alignas(FSN_SHARED_ALIGN) struct fsn_shared_numbers shown;
-    _Atomic uint32_t open; /**< 0: the bus was stopped, no further cycle comes */
+    _Atomic uint32_t open; /**< 0: the bus was stopped; no further cycle follows */
     _Alignas(FSN_SHARED_ALIGN) struct fsn_shared_client client[FSN_SHARED_CLIENTS];
 };
 
 /** Head of the outputs of a client. The numbers of their symbols follow at `symbols_at`, each set
  *  at `sets_at + n * (1 + count)` words: number of the cycle that it answers, then a word for each
- *  output, of which the low bits count. */
+ *  output, of which the low bits are used. */
 struct fsn_shared_outputs {
     uint32_t magic, layout;
     uint64_t size_bytes, symbols_at, sets_at;
     uint32_t count;  /**< outputs */
     uint32_t place;  /**< in fsn_shared_inputs.client */
-    uint32_t holder; /**< while it is also there, this client owns the outputs */
-    uint32_t misses; /**< cycles in a row without new outputs that are allowed */
+    uint32_t holder; /**< if it is the same there, this client owns the outputs */
+    uint32_t misses; /**< permitted consecutive cycles without new outputs */
     _Alignas(FSN_SHARED_ALIGN) struct fsn_shared_numbers sent;
 };
 

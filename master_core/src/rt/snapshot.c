@@ -26,7 +26,7 @@ static _Atomic uint64_t *show_statistics(struct fsn_rt *rt, uint32_t picture) {
 }
 
 /* Only the cycle writes `whole`. A reader that reads a word of a newer snapshot also sees, after
- * its fence, that this snapshot was begun. */
+ * its fence, that this snapshot has begun. */
 void fsn_rt_publish(struct fsn_rt *rt) {
     struct fsn_rt_snapshot *s = &rt->snapshot;
     const uint32_t picture = atomic_load_explicit(&s->shown->whole, memory_order_relaxed) + 1;

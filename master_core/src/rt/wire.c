@@ -11,8 +11,8 @@
 #include "rt/clock.h"
 
 enum {
-    /* One cycle reads at most this many packets per port, so that a flood cannot delay it. This is
-     * enough to discard the packets of a second without cycles. */
+    /* One cycle reads at most this number of packets per port, so that a flood cannot delay it.
+     * This is sufficient to discard the packets of a second without cycles. */
     MOST_PACKETS = 1024,
     CMD_NOP = 0,
     CMD_FPWR = 5,
@@ -28,7 +28,7 @@ static void count_one(_Atomic uint32_t *counter) {
 
 /* -- sending -------------------------------------------------------------------------------- */
 
-/** Writes port and frame number into every datagram; they distinguish replies. */
+/** Writes port and frame number into every datagram, which distinguish replies. */
 static void set_index(struct fsn_wire_frame *frame, uint8_t index) {
     frame->sent[FSN_WIRE_NOP + 1] = index;
     frame->sent[FSN_WIRE_LRW + 1] = index;
@@ -44,7 +44,7 @@ static uint8_t index_of(uint32_t frame, uint32_t port) {
     return (uint8_t)(FSN_WIRE_FIRST_INDEX + port * FSN_WIRE_FRAMES + frame);
 }
 
-/** Fills the DC datagrams of a frame; between two times each is a NOP of the same length. */
+/** Fills the DC datagrams of a frame; if no time is due, each is a NOP of the same length. */
 static void write_dc(struct fsn_wire *wire, const struct fsn_wire_frame *frame, bool with_dc) {
     const uint16_t station = atomic_load_explicit(&wire->dc_station, memory_order_relaxed);
     uint8_t *datagram = frame->sent + frame->dc;
@@ -86,13 +86,13 @@ void fsn_wire_send(struct fsn_wire *wire) {
     }
     count_one(&wire->sent);
     wire->sent_ns = fsn_clock_ns(wire->wait_ns != 0 ? CLOCK_MONOTONIC : CLOCK_REALTIME);
-    /* The second port last: on a closed ring its frames only pass through. */
+    /* The second port is last: on a closed ring its frames only pass through. */
     for (uint32_t port = 0; port < FSN_WIRE_PORTS && wire->sockets[port] >= 0; port++) {
         for (uint32_t f = 0; f < wire->frame_count; f++) {
             struct fsn_wire_frame *frame = &wire->frames[f];
             set_index(frame, index_of(f, port));
             frame->back[port] = false;
-            /* A frame that cannot be sent does not come back. */
+            /* A frame that cannot be sent does not return. */
             /* mutants: nothing sends 0 bytes of a packet */
             if (send(wire->sockets[port], frame->sent, frame->len_bytes, MSG_DONTWAIT) < 0) {
                 wire->unsent++;
@@ -104,7 +104,7 @@ void fsn_wire_send(struct fsn_wire *wire) {
 
 /* -- receiving ------------------------------------------------------------------------------ */
 
-/** Whether a datagram came back as it was sent: command, index, address and length. The data, the
+/** Whether a datagram returned as it was sent: command, index, address and length. The data, the
  *  working counter, the interrupt word and the flag of a circulating frame may differ. */
 static bool same_head(const uint8_t *sent, const uint8_t *reply, uint8_t index) {
     return sent[0] == reply[0] && reply[1] == index && memcmp(sent + 2, reply + 2, 4) == 0 &&
@@ -119,7 +119,7 @@ static bool same_dc(const struct fsn_wire_frame *frame, const uint8_t *reply, ui
 
 enum taken { TAKEN, OLD, FOREIGN };
 
-/** Keeps a packet that came in on a port when it is a reply to a frame of this cycle. */
+/** Stores a packet that arrived on a port if it is a reply to a frame of this cycle. */
 static enum taken take(struct fsn_wire *wire, uint32_t came_in, const uint8_t *packet,
                        uint32_t len_bytes) {
     /* mutants: what is shorter than its frame is foreign below; this keeps to what was read */
@@ -129,7 +129,7 @@ static enum taken take(struct fsn_wire *wire, uint32_t came_in, const uint8_t *p
     const uint8_t index = packet[FSN_WIRE_NOP + 1];
     const uint32_t number = (uint32_t)(index - FSN_WIRE_FIRST_INDEX) % FSN_WIRE_FRAMES;
     const uint32_t port = (uint32_t)(index - FSN_WIRE_FIRST_INDEX) / FSN_WIRE_FRAMES;
-    /* The mark of this run: replies to a former process, or to another master, are foreign. */
+    /* The mark of this run: replies to an earlier process, or to another master, are foreign. */
     if (number >= wire->frame_count || wire->sockets[port] < 0 ||
         fsn_get32(packet + FSN_WIRE_MARK) != wire->run) {
         return FOREIGN;
@@ -143,7 +143,7 @@ static enum taken take(struct fsn_wire *wire, uint32_t came_in, const uint8_t *p
         return FOREIGN;
     }
     count_one(&wire->came[port][came_in]);
-    /* A reply of an earlier cycle holds inputs that are older than those in use. */
+    /* A reply of an earlier cycle contains older inputs than those in use. */
     if (fsn_get32(packet + FSN_WIRE_MARK + 4) != wire->cycle || frame->back[port]) {
         return OLD;
     }
@@ -155,7 +155,7 @@ static enum taken take(struct fsn_wire *wire, uint32_t came_in, const uint8_t *p
     return TAKEN;
 }
 
-/** Time at which the kernel got the packet, CLOCK_REALTIME; 0 without a timestamp. */
+/** Time at which the kernel received the packet, CLOCK_REALTIME; 0 without a timestamp. */
 static uint64_t arrival_ns(struct msghdr *message) {
     for (struct cmsghdr *c = CMSG_FIRSTHDR(message); c != NULL; c = CMSG_NXTHDR(message, c)) {
         if (c->cmsg_level == SOL_SOCKET && c->cmsg_type == SCM_TIMESTAMPNS) {
@@ -167,8 +167,8 @@ static uint64_t arrival_ns(struct msghdr *message) {
     return 0;
 }
 
-/** Reads one packet and the time it came in. A loop that waits for replies checks the timeout by
- *  the clock. */
+/** Reads one packet and its arrival time. A loop that waits for replies checks the timeout with the
+ *  clock. */
 static ssize_t read_packet(const struct fsn_wire *wire, uint32_t port, uint8_t *packet,
                            size_t room_bytes, uint64_t *at_ns) {
     if (wire->wait_ns != 0) {
@@ -199,7 +199,7 @@ static uint32_t counter_of(const struct fsn_wire_frame *frame) {
     return sum;
 }
 
-/** Whether all replies are in: every frame is back, or has visited every SubDevice. */
+/** Whether all replies have arrived: every frame has returned, or has visited every SubDevice. */
 static bool complete(const struct fsn_wire *wire) {
     for (uint32_t f = 0; f < wire->frame_count; f++) {
         const struct fsn_wire_frame *frame = &wire->frames[f];
@@ -212,8 +212,8 @@ static bool complete(const struct fsn_wire *wire) {
     return true;
 }
 
-/** Reads the packets of a port until the frames of this cycle are back: later packets are old in
- *  the next cycle. Returns when the last of them came in. */
+/** Reads the packets of a port until the frames of this cycle have returned: later packets are old
+ *  in the next cycle. Returns the arrival time of the last one. */
 static uint64_t drain(struct fsn_wire *wire, uint32_t port, struct fsn_bus_input *input) {
     uint64_t last_ns = 0;
     for (int i = 0; i < MOST_PACKETS && !complete(wire); i++) {
@@ -239,7 +239,7 @@ static uint64_t drain_all(struct fsn_wire *wire, struct fsn_bus_input *input) {
     return first > second ? first : second;
 }
 
-/** Waits for packets until the time is over; false when it is. */
+/** Waits for packets; false if the time is over. */
 static bool wait_until(const struct fsn_wire *wire, uint64_t end_ns) {
     const uint64_t now = fsn_clock_ns(CLOCK_MONOTONIC);
     if (now >= end_ns) {
@@ -253,7 +253,7 @@ static bool wait_until(const struct fsn_wire *wire, uint64_t end_ns) {
     return ppoll(polled, ports, &left, NULL) > 0; /* mutants: at the end the clock shows the same */
 }
 
-/** Returns when the last reply came in, on the clock of `sent_ns`; 0 when that is not known. */
+/** Returns the arrival time of the last reply, on the clock of `sent_ns`; 0 if unknown. */
 static uint64_t collect(struct fsn_wire *wire, struct fsn_bus_input *input) {
     const uint64_t last_ns = drain_all(wire, input);
     if (wire->wait_ns == 0) {
@@ -266,8 +266,8 @@ static uint64_t collect(struct fsn_wire *wire, struct fsn_bus_input *input) {
     return complete(wire) ? fsn_clock_ns(CLOCK_MONOTONIC) : 0;
 }
 
-/** Moves one input into the image, whole: from the reply in which it differs from the sent bytes,
- *  since that one has visited its SubDevice. If neither differs, there is nothing to move. */
+/** Copies one input into the image: from the reply in which it differs from the sent bytes, because
+ *  that reply has visited its SubDevice. If neither differs, there is nothing to copy. */
 static void move_input(struct fsn_wire *wire, const struct fsn_wire_frame *frame,
                        const struct fsn_wire_input *in) {
     for (uint32_t port = 0; port < FSN_WIRE_PORTS; port++) {
@@ -279,7 +279,7 @@ static void move_input(struct fsn_wire *wire, const struct fsn_wire_frame *frame
     }
 }
 
-/** One time base continues from the start, whichever clock is the reference and whatever its upper
+/** One time base is used from the start on, whichever clock is the reference and whatever its upper
  *  32 bits are: SYNC0 was started on multiples of the cycle in it. */
 static void keep_dc(struct fsn_wire *wire, uint64_t shown, struct fsn_bus_input *input) {
     const uint64_t base = atomic_load_explicit(&wire->dc_base, memory_order_relaxed);
@@ -305,8 +305,8 @@ static void read_dc(struct fsn_wire *wire, const struct fsn_wire_frame *frame,
     }
 }
 
-/** Expected working counter of a frame that is back. An arriving group answers as soon as its sync
- *  managers are set up, and a leaving group is gone before the acyclic side detects it. */
+/** Expected working counter of a frame that has returned. An arriving group answers as soon as its
+ *  sync managers are set up, and a leaving group has gone before the acyclic side detects it. */
 static uint32_t expected_of(struct fsn_wire *wire, uint32_t number, uint32_t counter) {
     const uint32_t most = wire->frames[number].expected;
     uint32_t least = most;
@@ -347,7 +347,7 @@ static void judge(struct fsn_wire *wire, uint32_t number, struct fsn_bus_input *
         if (in->group != FSN_NONE &&
             atomic_load_explicit(&wire->groups[in->group].there, memory_order_relaxed) ==
                 FSN_WIRE_ABSENT) {
-            continue; /* that reports it absent */
+            continue; /* reported as absent */
         }
         /* No answer: all inputs are old. A missing answer: the acyclic side identifies the
          * SubDevice. */
@@ -361,7 +361,7 @@ static void judge(struct fsn_wire *wire, uint32_t number, struct fsn_bus_input *
 
 void fsn_wire_receive(struct fsn_wire *wire, struct fsn_bus_input *input) {
     if (wire->cycle == 0) {
-        return; /* nothing was sent yet */
+        return; /* nothing has been sent yet */
     }
     const uint64_t foreign = atomic_load_explicit(&wire->foreign, memory_order_relaxed);
     input->foreign_frames = (uint32_t)(foreign - wire->foreign_reported);

@@ -1,14 +1,15 @@
-/** The cyclic frames of a live bus on raw sockets of its own.
+/** The cyclic frames of a live bus on separate raw sockets.
  *
  *  Each frame carries a NOP datagram that no SubDevice touches, with the number of its cycle: a
  *  reply is accepted only in its own cycle, however long the segment or this process was stopped.
  *  Then one LRW datagram, whose input bytes are sent as in the image: without an answer of the
- *  SubDevice they come back unchanged. One frame may carry the DC time as well.
+ *  SubDevice they come back unchanged. One frame may also carry the DC time.
  *
  *  With two sockets the same frame enters the ring at both ends. On a closed ring only the first is
- *  processed; on a broken one each visits the SubDevices on its side.
+ *  processed; on a broken one, each visits the SubDevices on its side.
  *
- *  Built by fsn_frames_create(); then only the cyclic thread touches it, except for its atomics. */
+ *  Built by fsn_frames_create(); then only the cyclic thread accesses it, except for its
+ *  atomics. */
 #ifndef FSN_WIRE_H
 #define FSN_WIRE_H
 
@@ -35,7 +36,7 @@ enum {
 /** An input sync manager inside a frame. */
 struct fsn_wire_input {
     uint32_t sm, subdevice;
-    uint32_t group; /**< that its SubDevice is in; FSN_NONE: it is always there */
+    uint32_t group; /**< group of its SubDevice; FSN_NONE: it is always present */
     uint32_t image_byte, frame_byte, size_bytes;
 };
 
@@ -44,20 +45,20 @@ enum { FSN_WIRE_ABSENT, FSN_WIRE_COMING, FSN_WIRE_THERE };
 
 struct fsn_wire_group {
     uint32_t *wkc; /**< per datagram: its share of the working counter */
-    /** Written by the acyclic side. One that comes may answer, in any part. */
+    /** Written by the acyclic side. A group that is arriving may answer in any part. */
     _Atomic uint8_t there;
-    uint32_t missed; /**< frames in a row that came back without it while it was there */
+    uint32_t missed; /**< consecutive frames that returned without it while it was present */
 };
 
 struct fsn_wire_frame {
-    uint8_t *sent;                  /**< as it goes out on the first port */
+    uint8_t *sent;                  /**< as sent on the first port */
     uint8_t *reply[FSN_WIRE_PORTS]; /**< by the port where the frame was sent */
-    bool back[FSN_WIRE_PORTS];      /**< `reply` is of this cycle */
+    bool back[FSN_WIRE_PORTS];      /**< `reply` belongs to this cycle */
     uint32_t len_bytes;
-    uint32_t image_byte, size_bytes; /**< data of its LRW; of the image where it carries some */
+    uint32_t image_byte, size_bytes; /**< data of its LRW; from the image if it carries any */
     uint32_t expected;               /**< working counter of the LRW */
     uint32_t dc;                     /**< start of the DC datagram; 0: none in this frame */
-    uint32_t dc_set; /**< where the one begins that sets the reference clock; or 0 */
+    uint32_t dc_set; /**< start of the datagram that sets the reference clock; or 0 */
     uint32_t first_input, input_count;
 };
 
@@ -67,12 +68,12 @@ struct fsn_wire {
     struct fsn_wire_frame *frames;
     uint32_t frame_count, datagram_count; /**< frames beyond the datagrams carry no process data */
     struct fsn_wire_input *inputs;
-    /** Per SubDevice: 1 while the acyclic side sees it exchange process data. */
+    /** Per SubDevice: 1 while it exchanges process data, according to the acyclic side. */
     _Atomic uint8_t *answers;
     struct fsn_wire_group *groups;
     uint32_t group_count;
-    /** Number of frames that may come back without a group before it is an error: by then the
-     *  acyclic side has detected whether the group has left. */
+    /** Number of frames that may return without a group before it is an error: by then the acyclic
+     *  side has detected whether the group has left. */
     uint32_t group_patience;
     uint32_t run;   /**< marks the frames of this run */
     uint32_t cycle; /**< number of the last frames sent; 0: none yet */
@@ -85,22 +86,22 @@ struct fsn_wire {
     uint64_t dc_sent_ns;      /**< of the last send with a DC time, CLOCK_MONOTONIC */
     _Atomic uint64_t dc_seen; /**< last reading of the reference clock; 0: never */
     uint64_t wait_ns;         /**< how long to wait for replies */
-    /** Of the last send: CLOCK_MONOTONIC when replies are waited for, else CLOCK_REALTIME, the
-     * clock on which the kernel stamps packets. */
+    /** Time of the last send: CLOCK_MONOTONIC if replies are waited for, otherwise CLOCK_REALTIME,
+     *  the clock of kernel timestamps. */
     uint64_t sent_ns;
-    /** Frames of another MainDevice; the acyclic side counts them, since this one never sees them.
-     */
+    /** Frames of another MainDevice; the acyclic side counts them, because this side never receives
+     *  them. */
     _Atomic uint64_t foreign;
-    uint64_t foreign_reported; /**< of them, in an input */
-    uint32_t unsent;           /**< frames of the last send that the system refused */
-    int send_errno;            /**< why, the last time */
-    /** Written by this thread only, read by who watches the two ways of a ring: cycles sent, and
-     *  frames that came back, late ones as well, by the port where they were sent and the one where
-     *  they came in. */
+    uint64_t foreign_reported; /**< number of these already reported */
+    uint32_t unsent;           /**< frames of the last send that the system rejected */
+    int send_errno;            /**< errno of the last rejection */
+    /** Written by this thread only, read by the supervision of the two directions of a ring: cycles
+     *  sent, and returned frames, including late ones, by the port where they were sent and the one
+     *  where they arrived. */
     _Atomic uint32_t sent, came[FSN_WIRE_PORTS][FSN_WIRE_PORTS];
 };
 
-/** Takes the replies to the last frames, drops older ones, and moves inputs into the image. */
+/** Takes the replies to the last frames, drops older ones, and copies inputs into the image. */
 void fsn_wire_receive(struct fsn_wire *wire, struct fsn_bus_input *input);
 
 /** Sends the image in the frames of the next cycle. */

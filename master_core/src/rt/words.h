@@ -1,5 +1,5 @@
-/** Bytes as relaxed 8-byte words: how the cyclic thread publishes them to readers that it never
- *  waits for. A sequence next to the words shows a reader whether they belong together. */
+/** Bytes as relaxed 8-byte words: the cyclic thread publishes them in this form to readers that it
+ *  never waits for. A sequence next to the words shows a reader whether they belong together. */
 #ifndef FSN_WORDS_H
 #define FSN_WORDS_H
 
@@ -9,7 +9,7 @@
 
 #include "rt/atomics.h"
 
-/** Number of words that hold so many bytes. */
+/** Number of words for this number of bytes. */
 static inline size_t fsn_words_of(size_t len_bytes) {
     return (len_bytes + 7) / 8;
 }
