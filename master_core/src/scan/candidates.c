@@ -1,5 +1,5 @@
-/** Places in the process data that may hold FSoE frames. Random data show no second command in a
- * row at the same place, so nearly all places fall out at once. */
+/** Places in the process data that may contain FSoE frames. Random data show no second command in a
+ *  row at the same place, so nearly all places are excluded immediately. */
 #include "scan/scan.h"
 
 #include <stdlib.h>
@@ -69,7 +69,7 @@ static void drop(struct fsn_scan *scan, uint32_t *slot) {
     *slot = NONE;
 }
 
-/** Takes a free slot; NONE when all are in use. */
+/** Takes a free slot; NONE if all are in use. */
 static uint32_t take_slot(struct fsn_scan *scan) {
     if (scan->free_candidate == 0) {
         return scan->candidate_count < MAX_CANDIDATES ? scan->candidate_count++ : NONE;
@@ -97,8 +97,8 @@ static void add(struct fsn_scan *scan, struct window *w, uint32_t offset, unsign
     w->slots[offset][kind] = number;
 }
 
-/** Whether the content of a frame alone allows it to be one: ConnID 0 in Reset and Session only;
- *  the CRCs of a Reset depend on no earlier frame. */
+/** Whether a frame is possible by its own content: ConnID 0 only in Reset and Session; the CRCs of
+ *  a Reset depend on no earlier frame. */
 static bool plausible(const uint8_t *frame, uint32_t size_bytes, uint16_t connection_id) {
     const uint16_t id = fsn_fsoe_connection_id(frame, size_bytes);
     if (frame[0] == FSN_CMD_RESET) {
@@ -110,8 +110,8 @@ static bool plausible(const uint8_t *frame, uint32_t size_bytes, uint16_t connec
     return id != 0 && (connection_id == 0 || connection_id == id);
 }
 
-/** Returns the length of the frame that begins here, by its blocks that fit each other; 0 when not
- *  even one of 7 bytes has room. */
+/** Returns the length of the frame that begins here, determined by its matching blocks; 0 if not
+ *  even one of 7 bytes fits. */
 static uint32_t length_by_blocks(const uint8_t *frame, uint32_t room) {
     if (room < 7) {
         return 0;
@@ -122,18 +122,18 @@ static uint32_t length_by_blocks(const uint8_t *frame, uint32_t room) {
     return 3 + 4 * blocks;
 }
 
-/** Whether the assumed length of a place was wrong: blocks beyond it fitted each other by chance,
- *  or its first frame was damaged and now more blocks fit in every frame. */
+/** Whether the assumed length of a place was wrong: blocks beyond it matched each other by chance,
+ *  or its first frame was damaged and now more blocks match in every frame. */
 static bool is_other_length(struct candidate *c, uint32_t size_bytes) {
     c->against = (uint8_t)(size_bytes > c->size_bytes ? c->against + 1 : 0);
     return size_bytes < c->size_bytes || c->against >= PATIENCE;
 }
 
-/** Looks at a place that shows a command, for one length. */
+/** Examines a place that shows a command, for one length. */
 static void consider(struct fsn_scan *scan, struct window *w, uint32_t offset, unsigned kind,
                      uint32_t size_bytes, const uint8_t *frame) {
     uint32_t *slot = &w->slots[offset][kind];
-    /* A frame that does not fit any more at this place: the first length was wrong. */
+    /* A frame that no longer fits at this place: the first length was wrong. */
     if (*slot != NONE && memcmp(w->last + offset, frame, scan->candidates[*slot].size_bytes) != 0 &&
         is_other_length(&scan->candidates[*slot], size_bytes)) {
         drop(scan, slot);
@@ -144,7 +144,7 @@ static void consider(struct fsn_scan *scan, struct window *w, uint32_t offset, u
         return;
     }
     const uint16_t id = *slot == NONE ? 0 : scan->candidates[*slot].connection_id;
-    /* The connection ID stays the same; another one is data that looked like a frame. */
+    /* The connection ID stays the same; a different one means data that looked like a frame. */
     if (!plausible(frame, size, id)) {
         if (*slot != NONE) {
             drop(scan, slot);
@@ -165,9 +165,9 @@ static void consider(struct fsn_scan *scan, struct window *w, uint32_t offset, u
     scan_pair(scan, *slot);
 }
 
-/** Whether the last frame of a known place is one of another connection: another ConnID, or of a
- *  copy frames which its original has not shown. A copy may be ahead, so an older one is looked at.
- */
+/** Whether the last frame of a known place contradicts its connection: another ConnID, or, for a
+ *  copy, frames that its original has not shown. A copy may be ahead, so an older frame is
+ *  checked. */
 static bool speaks_against(const struct fsn_scan *scan, const struct candidate *c) {
     const uint8_t *frame = scan_shown(c, 0)->bytes;
     if (c->copy) {
@@ -180,7 +180,7 @@ static bool speaks_against(const struct fsn_scan *scan, const struct candidate *
     return chained && id != c->connection_id;
 }
 
-/** Follows the places here that belong to a connection; true when there is one. */
+/** Follows the places here that belong to a connection; true if there is one. */
 static bool follow_known(struct fsn_scan *scan, struct window *w, uint32_t offset,
                          const uint8_t *frame) {
     bool known = false;
@@ -210,7 +210,7 @@ static void strike(struct window *w, uint32_t offset, bool counts) {
     w->strikes[offset] = (uint8_t)(strikes < MOST_STRIKES ? strikes : MOST_STRIKES);
 }
 
-/** A changed byte that is not a command: the data from here on is not FSoE. */
+/** A changed byte that is not a command: the data from here on are not FSoE. */
 static void refute(struct fsn_scan *scan, struct window *w, uint32_t offset, uint8_t byte) {
     for (unsigned kind = 0; kind < SLOTS; kind++) {
         if (w->slots[offset][kind] != NONE) {
@@ -225,7 +225,7 @@ static void check_place(struct fsn_scan *scan, struct window *w, uint32_t offset
     const uint8_t *frame = data + offset;
     const bool empty = w->slots[offset][0] == NONE && w->slots[offset][1] == NONE;
     const bool command = is_command[frame[0]] != 0;
-    /* The same byte that is not a command was judged before. */
+    /* The same byte that is not a command was already judged. */
     if (!command && frame[0] == w->last[offset]) {
         return;
     }
@@ -242,7 +242,7 @@ static void check_place(struct fsn_scan *scan, struct window *w, uint32_t offset
     }
     const uint32_t room = w->size_bytes - offset;
     consider(scan, w, offset, 0, length_by_blocks(frame, room), frame);
-    /* Six bytes are the shortest frame and fit almost anywhere, so that longer ones are tried
+    /* Six bytes are the shortest frame and match almost anywhere, so longer ones are tried
      * first. */
     if (w->slots[offset][0] == NONE || scan->candidates[w->slots[offset][0]].connection == NONE) {
         consider(scan, w, offset, 1, FSN_MIN_FRAME_BYTES, frame);
@@ -269,7 +269,7 @@ void scan_process_data(struct fsn_scan *scan, struct run *run) {
         if (w->strikes[p] < GIVEN_UP) {
             check_place(scan, w, p, data);
         } else if (is_command[data[p]] != 0) {
-            w->strikes[p]--; /* a place that was given up may be used otherwise now */
+            w->strikes[p]--; /* a place that was given up may now have another use */
         } else {
             strike(w, p, data[p] != 0);
         }

@@ -47,7 +47,7 @@ static size_t ethercat_start(const uint8_t *bytes, size_t len) {
     if (type != ETHERTYPE_IPV4 || at + 20 > len || bytes[at] >> 4 != 4 || bytes[at + 9] != 17) {
         return 0;
     }
-    /* The header of IPv4 has a length of its own. */
+    /* The header of IPv4 has a variable length. */
     at += 4u * (bytes[at] & 0x0Fu);
     if (at + 8 > len || big16(bytes + at + 2) != UDP_PORT) {
         return 0;
@@ -71,7 +71,7 @@ static void end_run(struct fsn_scan *scan) {
     scan->run.any_answer = false;
 }
 
-/** Appends a datagram to the run that it continues, or begins another. */
+/** Appends a datagram to the run that it continues, or begins another run. */
 static void take(struct fsn_scan *scan, uint8_t command, uint32_t address, const uint8_t *data,
                  uint16_t size) {
     struct run *run = &scan->run;
@@ -92,7 +92,7 @@ static void take(struct fsn_scan *scan, uint8_t command, uint32_t address, const
     scan->counts.unanswered += !answered;
 }
 
-/** Walks through the datagrams; false when one does not fit. */
+/** Parses the datagrams; false if one does not fit. */
 static bool walk(struct fsn_scan *scan, const uint8_t *at, size_t len) {
     bool more = true;
     while (more) {
@@ -117,7 +117,8 @@ static bool walk(struct fsn_scan *scan, const uint8_t *at, size_t len) {
     return true;
 }
 
-/** A MainDevice and its bus: number and source address, without the bit that SubDevices set. */
+/** Returns a MainDevice and its bus: number and source address, without the bit that SubDevices
+ *  set. */
 static uint64_t bus_of(uint32_t bus, const uint8_t *bytes) {
     const uint8_t *source = bytes + 6;
     uint64_t key = bus & 0xFFFFu;
@@ -145,7 +146,7 @@ uint32_t fsn_scan_packet(struct fsn_scan *scan, uint32_t bus, const uint8_t *byt
     const unsigned head = little16(bytes + start);
     const size_t said = head & 0x07FF;
     const size_t left = len_bytes - start - 2;
-    /* If the capture has cut a packet, its whole datagrams are still valid. */
+    /* In a truncated packet, complete datagrams are still valid. */
     if (head >> 12 == 1 && !walk(scan, bytes + start + 2, said < left ? said : left)) {
         scan->counts.malformed++;
     }

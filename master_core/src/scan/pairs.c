@@ -1,14 +1,14 @@
-/** Two places become a connection when their frames form one chain. */
+/** Two places become a connection if their frames form one chain. */
 #include "scan/scan.h"
 
 #include <stdlib.h>
 #include <string.h>
 
 enum {
-    LEAST_FRAMES = 4, /**< with a ConnID, each place has shown before pairing is tried; one more
-                         than LEAST_COPIES, since a copy may be ahead of its original */
-    LEAST_RIGHT = 3,  /**< frames of each place, with a ConnID, whose CRCs fit: 2^-96 by chance */
-    LEAST_COPIES = 3, /**< frames equal to those of a known place, to be taken for a copy of it */
+    LEAST_FRAMES = 4, /**< with a ConnID that each place must show before pairing is tried; one more
+                         than LEAST_COPIES, because a copy may be ahead of its original */
+    LEAST_RIGHT = 3,  /**< frames of each place, with a ConnID and matching CRCs: 2^-96 by chance */
+    LEAST_COPIES = 3, /**< frames equal to those of a known place that identify a copy of it */
 };
 
 /** Frames of two places, merged by time. */
@@ -74,8 +74,8 @@ static bool began_session(const struct candidate *c) {
     return false;
 }
 
-/** Without collisions main and sub use the same number in an FSoE cycle, so after a frame of the
- *  main its next number is one ahead, else they are equal. */
+/** Without collisions, main and sub use the same number in an FSoE cycle. After a frame of the main
+ *  its next number is therefore one ahead, otherwise they are equal. */
 static bool numbers_say_swapped(const struct fsn_monitor *monitor) {
     const int ahead =
         monitor->followed[FSN_TO_SUB].sequence - monitor->followed[FSN_TO_MAIN].sequence;
@@ -98,7 +98,7 @@ static void push(struct fsn_scan *scan, const struct fsn_sighting *sighting) {
     scan->queue_count++;
 }
 
-/** Shows the monitor of a connection one frame and queues it. */
+/** Passes one frame to the monitor of a connection and queues it. */
 static void follow(struct fsn_scan *scan, uint32_t connection, enum fsn_way way,
                    const struct shown *shown) {
     struct fsn_monitor *monitor = &scan->found[connection].monitor;
@@ -129,7 +129,7 @@ static bool is_locked(const struct fsn_monitor *monitor) {
     return monitor->followed[0].sequence != 0 && monitor->followed[1].sequence != 0;
 }
 
-/** Shows a monitor the frames of both ends in one order; returns whether a CRC was wrong. */
+/** Passes the frames of both ends to a monitor in one order; returns whether a CRC was wrong. */
 static bool show(struct fsn_monitor *monitor, bool sub_first, const struct shown *const frames[2]) {
     bool wrong = false;
     for (unsigned i = 0; i < 2; i++) {
@@ -142,8 +142,8 @@ static bool show(struct fsn_monitor *monitor, bool sub_first, const struct shown
     return wrong;
 }
 
-/** Which end came first in a packet with frames of both. Nothing in a packet shows it until the
- *  chain is known: then both orders go on, until one of them forms a chain. */
+/** Which end came first in a packet with frames of both. A packet does not show this until the
+ *  chain is known, so both orders are followed until one of them forms a chain. */
 static bool sub_came_first(struct found *f, const struct shown *const frames[2]) {
     if (!f->unsure) {
         return fsn_monitor_sub_first(&f->monitor, frames[0]->bytes, frames[1]->bytes);
@@ -194,7 +194,7 @@ static void add_place(struct fsn_scan *scan, const struct candidate *c) {
     const struct window *w = &scan->windows[c->window];
     const bool logical = w->command >= 10;
     info->places[info->place_count++] = (struct fsn_scan_place){
-        /* A physical address keeps the offset in its upper half. */
+        /* A physical address has the offset in its upper half. */
         .address = w->address + (logical ? c->offset : c->offset << 16),
         .command = w->command,
         .way = c->way,
@@ -230,7 +230,7 @@ static void connect(struct fsn_scan *scan, struct candidate *main, struct candid
         for (unsigned i = 0; i < 2; i++) {
             next[i] = left[i] > 0 ? scan_shown(ends[i], left[i] - 1) : NULL;
         }
-        /* In the order of their packets, as both directions depend on each other. */
+        /* In the order of their packets, because both directions depend on each other. */
         if (next[0] != NULL && next[1] != NULL && next[0]->packet != next[1]->packet) {
             next[next[0]->packet < next[1]->packet ? 1 : 0] = NULL;
         }
@@ -296,7 +296,7 @@ void scan_release(struct fsn_scan *scan, uint32_t candidate) {
     }
 }
 
-/** Takes a place for a copy of one that is known; false when it is not one. */
+/** Adds a place as a copy of a known one; false if it is not a copy. */
 static bool join_as_copy(struct fsn_scan *scan, struct candidate *c) {
     for (uint32_t i = 0; i < scan->candidate_count; i++) {
         const struct candidate *known = &scan->candidates[i];
@@ -338,7 +338,7 @@ static bool shown_enough(const struct candidate *c) {
     return frames >= LEAST_FRAMES;
 }
 
-/** Whether another place is worth a try as the other end. */
+/** Whether another place is worth trying as the other end. */
 static bool may_be_ends(const struct fsn_scan *scan, const struct candidate *c,
                         const struct candidate *other) {
     return other->used && other->connection == NONE && other->connection_id == c->connection_id &&
@@ -347,7 +347,7 @@ static bool may_be_ends(const struct fsn_scan *scan, const struct candidate *c,
 
 void scan_pair(struct fsn_scan *scan, uint32_t candidate) {
     struct candidate *c = &scan->candidates[candidate];
-    /* Pairing is costly: it is tried again only after some more frames. */
+    /* Pairing is costly, so it is retried only after some more frames. */
     if (c->connection_id == 0 || c->count < c->next_try || scan->pair_tries == 0 ||
         !shown_enough(c)) {
         return;
@@ -364,7 +364,8 @@ void scan_pair(struct fsn_scan *scan, uint32_t candidate) {
         if (other != c && may_be_ends(scan, c, other)) {
             if (scan->pair_tries == 0 || tries == OWN_TRIES) {
                 c->next_other = i;
-                /* By then all others had their turn: a packet has tries for more than 4 places. */
+                /* By then all others have had their turn: a packet allows attempts for more than 4
+                 * places. */
                 c->next_try = c->count + 1 + scan->candidate_count / 4;
                 return;
             }
@@ -375,7 +376,7 @@ void scan_pair(struct fsn_scan *scan, uint32_t candidate) {
             }
         }
     }
-    c->next_try = c->count + 1 + c->count / 4; /* rarely, for places that never fit */
+    c->next_try = c->count + 1 + c->count / 4; /* rarely, for places that never match */
 }
 
 static void swap_ways(struct fsn_monitor *monitor) {
@@ -387,7 +388,7 @@ static void swap_ways(struct fsn_monitor *monitor) {
     monitor->status.direction[1] = direction;
 }
 
-/** The roles were a guess by numbers, and now the end taken for the sub has begun a session. */
+/** The roles were a guess by numbers, and now the end considered the sub has begun a session. */
 static void swap_roles(struct fsn_scan *scan, uint32_t connection) {
     struct found *f = &scan->found[connection];
     f->info.roles = FSN_ROLES_BY_START;
@@ -448,7 +449,7 @@ static struct candidate *partner(struct fsn_scan *scan, uint32_t from, const str
 void scan_end_of_packet(struct fsn_scan *scan) {
     for (uint32_t i = 0; i < scan->deferred_count; i++) {
         if (scan->deferred[i] == NONE || scan->candidates[scan->deferred[i]].connection == NONE) {
-            continue; /* followed already, or set free in this very packet */
+            continue; /* already followed, or released in this packet */
         }
         const struct candidate *first = &scan->candidates[scan->deferred[i]];
         const struct shown *frames[2] = {NULL, NULL};
