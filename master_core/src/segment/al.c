@@ -12,7 +12,7 @@ void esc_al_error(struct esc *esc, uint8_t state, uint16_t code) {
     set_state(esc, (uint8_t)(state | AL_ERROR), code);
 }
 
-/** Returns the code with which a request is refused, 0 when it is granted. */
+/** Returns the code with which a request is refused, or 0 if it is granted. */
 static uint16_t refusal(const struct esc *esc, uint8_t from, uint8_t to) {
     if (to == AL_BOOT) {
         return AL_CODE_NO_BOOT;
@@ -21,16 +21,16 @@ static uint16_t refusal(const struct esc *esc, uint8_t from, uint8_t to) {
         return AL_CODE_UNKNOWN_STATE;
     }
     if (to <= from) {
-        return 0; /* back is always allowed */
+        return 0; /* lower states are always allowed */
     }
-    /* States are 1, 2, 4 and 8: twice the present one is the next. */
+    /* States are 1, 2, 4 and 8: twice the current one is the next. */
     if (to > 2 * from) {
-        return AL_CODE_INVALID_TRANSITION; /* a state was left out: 1, 2, 4, 8 */
+        return AL_CODE_INVALID_TRANSITION; /* a state was skipped: 1, 2, 4, 8 */
     }
     if (to == AL_PREOP && esc->has_mailbox && !esc_sm_mailbox_ok(esc)) {
         return AL_CODE_MAILBOX;
     }
-    /* Outputs before inputs, which decides between two codes when both are wrong. */
+    /* Outputs before inputs, which decides about the code if both are wrong. */
     if (to == AL_SAFEOP && !esc_sm_process_data_ok(esc, true)) {
         return AL_CODE_OUTPUTS;
     }
@@ -74,7 +74,7 @@ void esc_al_decide(struct esc *esc) {
         esc->transfer = (struct transfer){0};
     }
     if (to == AL_OP) {
-        esc->outputs_ns = esc->now_ns; /* the watchdog begins here */
+        esc->outputs_ns = esc->now_ns; /* the watchdog starts here */
         esc->memory[REG_WD_STATUS] = 1;
     }
     set_state(esc, to, 0);

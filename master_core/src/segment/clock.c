@@ -3,29 +3,29 @@
 
 enum {
     BILLION = 1000000000,
-    LOOP_NS = 1000000, /**< the control loop corrects at most as after this time */
+    LOOP_NS = 1000000, /**< the control loop corrects at most the amount for this time */
     MOST_PPB = 500000, /**< fastest correction of the rate */
     FILTER = 16,       /**< readings in the mean difference */
     FEATURES = 0x0008,
     FEATURE_CLOCK = 0x04, /**< a distributed clock */
     FEATURE_WIDE = 0x08,  /**< of 64 bits */
     SYNC_ACTIVE = 0x03,   /**< of REG_DC_ACTIVATION: cyclic operation, SYNC0 */
-    LATE_OF_64 = 48,      /**< with this many of the last 64 output frames near a pulse: an error */
+    LATE_OF_64 = 48, /**< an error if this many of the last 64 output frames are near a pulse */
 };
 
-/** Without the reference time for this long a device with SYNC0 gives up. */
+/** Without the reference time for this duration, a device with SYNC0 reports an error. */
 static const uint64_t served_most_ns = BILLION;
 
 static int64_t bounded(int64_t value, int64_t most) {
     return value > most ? most : value < -most ? -most : value;
 }
 
-/** Drift of a rate over a time; both may be large. */
+/** Drift for a rate and a time; both may be large. */
 static int64_t drifted(uint64_t time_ns, int64_t ppb) {
     return (int64_t)(time_ns / BILLION) * ppb + (int64_t)(time_ns % BILLION) * ppb / BILLION;
 }
 
-/** Time since; 0 where a frame that was under way is newer. */
+/** Time since then; 0 if a frame on its way is newer. */
 static uint64_t since(const struct esc *esc, uint64_t at_ns) {
     return esc->now_ns > at_ns ? esc->now_ns - at_ns : 0;
 }
@@ -119,8 +119,8 @@ static bool has_sync(const struct esc *esc) {
            fsn_get32(esc->memory + REG_SYNC0_CYCLE) != 0;
 }
 
-/** A pulse that should have come already comes after the time has gone around once: of 32 bits
- *  within 4.29 s, of 64 bits never. */
+/** A pulse whose time has already passed comes after the time has wrapped once: with 32 bits within
+ *  4.29 s, with 64 bits never. */
 void esc_clock_activate(struct esc *esc) {
     struct esc_clock *c = &esc->clock;
     const uint64_t now = esc_system_time(esc);

@@ -1,4 +1,4 @@
-/** Self-description of an emulated SubDevice: SII and object dictionary, made from the plan. */
+/** Self-description of an emulated SubDevice: SII and object dictionary, created from the plan. */
 #define _GNU_SOURCE
 
 #include <stdlib.h>
@@ -11,13 +11,13 @@ enum {
     MAILBOX_IN = 0x1000,
     MAILBOX_OUT = 0x1080,
     PROCESS_DATA = 0x1100,
-    SII_BYTES = 4096, /**< holds all but the PDOs of a device; their room is added */
+    SII_BYTES = 4096, /**< sufficient for everything except the PDOs of a device, which are added */
     ENTRY_BYTES = 8,
-    COUPLER_PRODUCT = 0x044C2C52, /**< an EK1100, as the first device of a segment often is */
+    COUPLER_PRODUCT = 0x044C2C52, /**< an EK1100, which is often the first device of a segment */
     BECKHOFF = 2,
 };
 
-/** A sync manager as the SII lists it. */
+/** A sync manager in the form of the SII. */
 struct sii_sm {
     uint16_t start, length;
     uint8_t control, type;
@@ -65,7 +65,7 @@ static void put_strings(struct writer *w, const char *name) {
 static void put_general(struct writer *w, bool has_mailbox) {
     const size_t start = begin_category(w, 30);
     for (unsigned i = 0; i < 32; i++) {
-        const bool name = i == 0 || i == 2 || i == 3; /* group, order and name: the one string */
+        const bool name = i == 0 || i == 2 || i == 3; /* group, order and name: the only string */
         const uint8_t coe = has_mailbox ? 0x21 : 0;   /* SDO, complete access */
         put8(w, name ? 1 : i == 5 ? coe : 0);
     }
@@ -117,7 +117,7 @@ static void put_pdos(struct writer *w, const struct fsn_plan *plan, uint32_t sm)
     end_category(w, start);
 }
 
-/** All but the identity, which is written when it is switched on. */
+/** Everything except the identity, which is written at power-on. */
 static void put_head(struct writer *w, const struct fsn_subdevice_info *info, bool has_mailbox) {
     fsn_put16(w->bytes, 0x0005); /* PDI control */
     fsn_put16(w->bytes + 8, info->position == 0 ? info->alias : 0);
@@ -129,12 +129,12 @@ static void put_head(struct writer *w, const struct fsn_subdevice_info *info, bo
         fsn_put16(w->bytes + 0x36, MAILBOX_BYTES);
         fsn_put16(w->bytes + 0x38, 0x0004); /* CoE */
     }
-    fsn_put16(w->bytes + 0x7C, (uint32_t)(w->room / 128) - 1); /* KiBit, less one */
+    fsn_put16(w->bytes + 0x7C, (uint32_t)(w->room / 128) - 1); /* KiBit, minus one */
     fsn_put16(w->bytes + 0x7E, 1);
     w->at = 0x80;
 }
 
-/** Start addresses of all sync managers: mailboxes, then process data one after the other. */
+/** Assigns start addresses to all sync managers: mailboxes, then process data, consecutively. */
 static uint32_t lay_out(const struct fsn_plan *plan, const struct fsn_subdevice_info *info,
                         bool has_mailbox, struct sii_sm sms[ESC_SMS]) {
     uint32_t count = 0;
@@ -211,7 +211,7 @@ static void add_objects(struct objects *o, const struct fsn_plan *plan,
     }
 }
 
-/** FSoE address of a SubInstance if the plan has it, as its live object shows it. */
+/** Adds the FSoE address of a SubInstance, if in the plan, with the value of its live object. */
 static void add_address(struct objects *o, const struct fsn_plan *plan, uint32_t subdevice) {
     for (uint32_t i = 0; i < fsn_plan_connection_count(plan); i++) {
         const struct fsn_connection_info c = fsn_known_connection(plan, i);
@@ -222,10 +222,10 @@ static void add_address(struct objects *o, const struct fsn_plan *plan, uint32_t
     }
 }
 
-/** Diagnosis history as a device shows it that has just started: one message, that it did. */
+/** Diagnosis history of a device that has just started: one message about the start. */
 static void add_history(struct objects *o) {
     enum { MESSAGES = 4, FIRST = 6 };
-    static const uint8_t message[] = {0x00, 0xE8, 0x00, 0x00, /* code: of the maker, number 0 */
+    static const uint8_t message[] = {0x00, 0xE8, 0x00, 0x00, /* code: vendor-specific, number 0 */
                                       0x00, 0x01,             /* information, one parameter */
                                       0x01, 0x00,             /* text 1 */
                                       0,    0,    0,    0,    0, 0, 0, 0, /* time */

@@ -20,8 +20,8 @@ enum {
     CMD_FRMW,
 };
 
-/** Registers that exist, and whether the bus may write them. Other registers neither read nor write
- *  and do not count: MainDevices interpret a working counter of 0 as "not there". */
+/** Registers that exist, and whether the bus may write them. Other registers cannot be read or
+ *  written and do not count: MainDevices interpret a working counter of 0 as missing. */
 static const struct {
     uint16_t from, to; /**< first byte, and the first one after it */
     bool writable;
@@ -50,7 +50,7 @@ static const struct {
 };
 
 static bool exists(uint16_t address, uint16_t size_bytes, bool write) {
-    /* An access counts when it touches anything that is there, as real controllers do. */
+    /* As in real controllers, an access counts if it includes any existing register. */
     for (size_t i = 0; i < sizeof registers / sizeof registers[0]; i++) {
         const bool overlaps =
             address < registers[i].to && (uint32_t)address + size_bytes > registers[i].from;
@@ -61,7 +61,7 @@ static bool exists(uint16_t address, uint16_t size_bytes, bool write) {
     return false;
 }
 
-/** Receive times are latched without a clock as well. */
+/** Receive times are also latched without a clock. */
 static bool has(const struct esc *esc, uint16_t address, uint16_t size_bytes, bool write) {
     return exists(address, size_bytes, write) &&
            !(esc->clock.absent && address >= REG_DC_TIME && address < REG_DC_END);
@@ -70,7 +70,7 @@ static bool has(const struct esc *esc, uint16_t address, uint16_t size_bytes, bo
 static bool byte_writable(uint32_t address) {
     for (size_t i = 0; i < sizeof registers / sizeof registers[0]; i++) {
         if (address >= registers[i].from && address < registers[i].to) {
-            /* Status of a sync manager and the byte for its device are read only. */
+            /* The status of a sync manager and the byte for its device are read only. */
             const bool sm = registers[i].from == REG_SM;
             return registers[i].writable && !(sm && (address % 8 == 5 || address % 8 == 7));
         }
@@ -123,13 +123,13 @@ static void clear_counters(struct esc *esc, uint16_t address, uint16_t size_byte
     }
 }
 
-/** Time after which outputs are missed, from the divider and the limit in the registers. */
+/** Time after which outputs count as missing, from the divider and the limit in the registers. */
 static void load_watchdog(struct esc *esc) {
     const uint64_t divider = fsn_get16(esc->memory + REG_WD_DIVIDER) + 2u;
     esc->watchdog_ns = divider * 40u * fsn_get16(esc->memory + REG_WD_PROCESS_DATA);
 }
 
-/** Registers do something when they are written. */
+/** Executes the effects of writing registers. */
 static void act(struct esc *esc, uint16_t address, uint16_t size_bytes) {
     clear_counters(esc, address, size_bytes);
     if (touches(address, size_bytes, REG_FMMU, 16 * ESC_FMMUS)) {
@@ -174,7 +174,7 @@ bool esc_write(struct esc *esc, uint16_t address, const uint8_t *data, uint16_t 
         return false;
     }
     if (touches(address, size_bytes, REG_DC_RECEIVE, 4)) {
-        return true; /* they are latched by the segment */
+        return true; /* latched by the segment */
     }
     if (address == REG_DC_TIME) {
         esc_clock_compare(esc, data, size_bytes);
@@ -210,7 +210,7 @@ static bool is_addressed(const struct esc *esc, uint16_t station) {
            (alias_enabled && station == fsn_get16(esc->memory + REG_ALIAS));
 }
 
-/** Read by one, written by all others: spreads the time of the reference clock. */
+/** Read by one, written by all others: distributes the time of the reference clock. */
 static void read_multiple_write(struct esc *esc, struct datagram *d, bool addressed) {
     if (addressed && d->offset == REG_DC_TIME) {
         esc_clock_served(esc);
@@ -221,7 +221,7 @@ static void read_multiple_write(struct esc *esc, struct datagram *d, bool addres
     }
 }
 
-/** How a command finds its SubDevices: the position counts up to it, its station, or all. */
+/** How a command addresses its SubDevices: by counted position, by station, or all. */
 enum addressing { BY_NOTHING, BY_POSITION, BY_STATION, BY_ALL };
 
 static const struct {
@@ -298,7 +298,7 @@ uint8_t esc_state(const struct esc *esc) {
     return esc->memory[REG_AL_STATUS] & 0x0F;
 }
 
-/** In EEPROM and object dictionary, where MainDevices compare it. */
+/** Writes it to EEPROM and object dictionary, where MainDevices compare it. */
 static void show_identity(struct esc *esc, const struct esc_identity *identity) {
     for (uint8_t i = 0; i < 3; i++) {
         fsn_put32(esc->sii + 16 + 4 * (size_t)i, identity->numbers[i]);
@@ -312,7 +312,7 @@ static void show_identity(struct esc *esc, const struct esc_identity *identity) 
 void esc_power_on(struct esc *esc) {
     memset(esc->memory, 0, sizeof esc->memory);
     uint8_t *m = esc->memory;
-    m[REG_TYPE] = 0x11; /* an ET1100 as devices report it */
+    m[REG_TYPE] = 0x11; /* an ET1100, as reported by devices */
     m[0x0002] = 2;
     m[0x0004] = ESC_FMMUS;
     m[0x0005] = ESC_SMS;

@@ -1,5 +1,5 @@
 /** One emulated EtherCAT SubDevice controller: registers, memory, FMMUs, sync managers, AL states,
- *  SII interface and mailbox. Independent of plan and link; time is given with every frame. */
+ *  SII interface and mailbox. Independent of plan and link; the time is passed with every frame. */
 #ifndef FSN_SEGMENT_ESC_H
 #define FSN_SEGMENT_ESC_H
 
@@ -16,7 +16,7 @@ enum {
     ESC_FMMUS = 8,
     ESC_SMS = 8,
     ESC_PORTS = 4,
-    ESC_MAILBOX_BYTES = 256, /**< longest mailbox offered */
+    ESC_MAILBOX_BYTES = 256, /**< longest supported mailbox */
     ESC_ABORTS = 16,
 };
 
@@ -78,12 +78,12 @@ enum {
     AL_CODE_NO_SYNC = 0x002D,
 };
 
-/** One sync manager with process data: published by the device, or to be read by it. The bytes on
- *  the bus side are in the memory of the controller. */
+/** One sync manager with process data, published or read by the device. The bytes on the bus side
+ *  are in the memory of the controller. */
 struct esc_buffer {
-    uint8_t *device;     /**< newest whole set on the side of the device */
+    uint8_t *device;     /**< newest complete set on the device side */
     uint32_t size_bytes; /**< 0: this sync manager carries no process data */
-    bool fresh;          /**< the other side has not taken it yet */
+    bool fresh;          /**< the other side has not yet taken it */
 };
 
 /** An SDO that takes several messages. */
@@ -107,10 +107,10 @@ struct esc_identity {
     uint32_t numbers[3];
 };
 
-/** Faults that a test sets in a SubDevice; they outlive the power. */
+/** Faults that a test sets in a SubDevice; they persist over a power cycle. */
 struct esc_faults {
     uint64_t al_delay_ns, mailbox_delay_ns;
-    bool is_other; /**< from the next power-on it reports the other identity */
+    bool is_other; /**< it reports the other identity from the next power-on */
     struct esc_identity other;
     struct esc_abort aborts[ESC_ABORTS];
     uint32_t abort_count;
@@ -129,35 +129,35 @@ struct esc_fmmu {
     uint16_t length, physical;
     uint8_t start_bit, end_bit, physical_bit;
     bool read, write, whole_bytes;
-    uint8_t inside; /**< 1 + place in esc.sms of its process data, one way; 0: ask */
+    uint8_t inside; /**< 1 + place in esc.sms of its process data, in one direction; 0: search */
 };
 
 /** Its distributed clock: quartz, and the corrections of the control loop. */
 struct esc_clock {
-    bool absent;           /**< there is none: those registers do not exist */
-    bool deaf;             /**< the control loop corrects nothing */
+    bool absent;           /**< missing: those registers do not exist */
+    bool deaf;             /**< the control loop makes no corrections */
     bool narrow;           /**< its times have 32 bits */
     uint32_t forward_ns;   /**< delay of a frame to the next controller */
-    uint64_t offset_ns;    /**< the free-running clock starts somewhere */
+    uint64_t offset_ns;    /**< the free-running clock starts at any time */
     int64_t drift_ppb;     /**< rate error of a fast quartz */
     int64_t phase_ns;      /**< correction by the control loop at compared_ns */
-    int64_t rate_ppb;      /**< by which it grows */
-    int64_t difference_ns; /**< mean difference to the reference clock */
-    uint64_t compared_ns;  /**< when a time came in last */
-    uint64_t served_ns;    /**< when the reference time passed last */
-    bool served;           /**< it ever did */
-    bool fires;            /**< SYNC0 was given a start that had not passed */
+    int64_t rate_ppb;      /**< growth of the correction */
+    int64_t difference_ns; /**< mean difference from the reference clock */
+    uint64_t compared_ns;  /**< when a time last arrived */
+    uint64_t served_ns;    /**< when the reference time last passed */
+    bool served;           /**< whether it ever passed */
+    bool fires;            /**< SYNC0 got a start that had not yet passed */
     uint64_t pulse_ns;     /**< its first pulse, in system time of 64 bits; UINT64_MAX: never */
-    uint64_t near;         /**< the last 64 output frames: 1 where one came near a pulse */
+    uint64_t near;         /**< the last 64 output frames: 1 if a frame was near a pulse */
 };
 
-/** Fields that frames use come first, the memory last. The tables repeat registers, and hold only
- *  enabled items: they are built again whenever those registers are written. */
+/** Fields that frames use come first, the memory last. The tables repeat registers and contain only
+ *  enabled items. They are rebuilt whenever those registers are written. */
 struct esc {
     uint64_t now_ns;               /**< of the frame being processed */
-    uint64_t outputs_ns;           /**< when outputs were written last */
+    uint64_t outputs_ns;           /**< when outputs were last written */
     uint64_t watchdog_ns;          /**< 0: off */
-    uint32_t fmmu_begin, fmmu_end; /**< logical addresses of all of them */
+    uint32_t fmmu_begin, fmmu_end; /**< range of the logical addresses of all FMMUs */
     uint8_t fmmu_count, sm_count;
     bool has_mailbox;
     bool outputs_seen; /**< since PREOP */
@@ -181,7 +181,7 @@ struct esc {
     uint8_t memory[ESC_MEMORY_BYTES];
 };
 
-/** One datagram as it passes. */
+/** One datagram that passes the controller. */
 struct datagram {
     uint8_t command;
     uint16_t position, offset; /**< ADP and ADO; together the logical address */
@@ -190,10 +190,10 @@ struct datagram {
     uint16_t counter; /**< working counter */
 };
 
-/** Brings a controller to the state after power-on; buffers, SII and objects stay. */
+/** Sets a controller to the state after power-on; buffers, SII and objects are kept. */
 void esc_power_on(struct esc *esc);
 
-/** Lets a datagram pass: data, ADP and working counter change as a real controller changes them. */
+/** Passes a datagram: data, ADP and working counter change as in a real controller. */
 void esc_pass(struct esc *esc, struct datagram *datagram);
 
 /** Latches the receive times of its ports after a frame that wrote 0x0900.
@@ -203,7 +203,7 @@ void esc_latch_times(struct esc *esc, uint64_t arrival_ns, uint64_t return_ns);
 /** Events between frames: watchdogs, mailbox answers, state transitions. */
 void esc_idle(struct esc *esc, uint64_t now_ns);
 
-/** Adds to an error counter; it stays at 255. */
+/** Increases an error counter, up to 255. */
 void esc_count(uint8_t *counter, uint32_t more);
 
 /** AL state without the error bit. */
@@ -220,19 +220,19 @@ void esc_al_error(struct esc *esc, uint8_t state, uint16_t code);
 /** A command to the SII interface (sii.c). */
 void esc_sii_command(struct esc *esc);
 
-/** Distributed clock (clock.c): free-running time, and the time that all shall have. */
+/** Distributed clock (clock.c): free-running time, and the common system time. */
 uint64_t esc_local_time(const struct esc *esc, uint64_t at_ns);
 uint64_t esc_system_time(const struct esc *esc);
-/** Puts a time into its register: all of it, or the 32 bits that the clock has. */
+/** Writes a time to its register: all of it, or the 32 bits of the clock. */
 void esc_clock_show(struct esc *esc, uint16_t address, uint64_t time_ns);
-/** Leaves as many bits in the registers as the clock has, and states how many. */
+/** Limits the registers to the bits of the clock, and reports their number. */
 void esc_clock_limit(struct esc *esc);
 /** Restarts the mean difference, and everything after power-on. */
 void esc_clock_reset(struct esc *esc, bool power_on);
-/** The reference time passed; it is one to follow. */
+/** The reference time has passed; the control loop follows it. */
 void esc_clock_served(struct esc *esc);
 void esc_clock_compare(struct esc *esc, const uint8_t *time, uint16_t size_bytes);
-/** SYNC0 was switched on; outputs have come in. */
+/** SYNC0 was switched on; outputs have arrived. */
 void esc_clock_activate(struct esc *esc);
 void esc_clock_outputs(struct esc *esc);
 /** Time until the next pulse of SYNC0, nanoseconds; UINT64_MAX: off, or no further pulse. */
@@ -244,28 +244,29 @@ uint16_t esc_clock_fault(const struct esc *esc);
 void esc_sm_load(struct esc *esc);
 void esc_fmmu_load(struct esc *esc);
 
-/** Whether physical memory may be read or written now, because of mailbox sync managers (sm.c). */
+/** Whether physical memory may be read or written now, with regard to mailbox sync managers
+ *  (sm.c). */
 bool esc_sm_allows(const struct esc *esc, uint16_t address, uint16_t size_bytes, bool write);
-/** Process data that the bus is about to read: the newest set is put into the memory (sm.c). */
+/** The bus is about to read process data: copies the newest set into the memory (sm.c). */
 void esc_sm_before_read(struct esc *esc, uint16_t address, uint16_t size_bytes);
-/** The same for one sync manager with process data, first and after its last byte (sm.c). */
+/** Process data of one sync manager, before its first byte is read or after its last is written. */
 void esc_sm_take_inputs(struct esc *esc, const struct esc_sm *sm);
 void esc_sm_give_outputs(struct esc *esc, const struct esc_sm *sm);
 /** The bus has read or written (sm.c). */
 void esc_sm_after_read(struct esc *esc, uint16_t address, uint16_t size_bytes);
 void esc_sm_after_write(struct esc *esc, uint16_t address, uint16_t size_bytes);
-/** Whether the sync managers are set up as the device needs them. */
+/** Whether the sync managers are configured as the device requires. */
 bool esc_sm_mailbox_ok(const struct esc *esc);
 bool esc_sm_process_data_ok(const struct esc *esc, bool outputs);
 
-/** A logical datagram against the FMMUs (fmmu.c). */
+/** Applies the FMMUs to a logical datagram (fmmu.c). */
 void esc_fmmu_pass(struct esc *esc, struct datagram *datagram);
 
-/** Reads or writes registers and memory; false when nothing is there or access is closed. */
+/** Reads or writes registers and memory; false if nothing exists there or access is denied. */
 bool esc_read(struct esc *esc, uint16_t address, uint8_t *data, uint16_t size_bytes, bool or_in);
 bool esc_write(struct esc *esc, uint16_t address, const uint8_t *data, uint16_t size_bytes);
 
-/** Mailbox: a message has come in; an answer is to go out (mailbox.c). */
+/** Mailbox: a message has arrived; an answer must be sent (mailbox.c). */
 void esc_mailbox_in(struct esc *esc);
 void esc_mailbox_out(struct esc *esc);
 

@@ -10,7 +10,7 @@ static uint64_t bounded(uint64_t delay_ns) {
     return delay_ns < MAX_DELAY_NS ? delay_ns : MAX_DELAY_NS;
 }
 
-/** Locks, and returns the SubDevice at a position; NULL, unlocked, when there is none. */
+/** Locks, and returns the SubDevice at a position; NULL, unlocked, if there is none. */
 static struct esc *hold(struct fsn_segment *s, uint32_t position) {
     if (position >= s->count) {
         return NULL;

@@ -22,8 +22,8 @@ static bool get_fmmu(const struct esc *esc, unsigned number, struct esc_fmmu *fm
     return (r[12] & 1) != 0 && any;
 }
 
-/** The sync manager that decides about all that an FMMU maps, and lets it pass each time: there is
- *  no other one, it holds process data, and the FMMU goes its way only. */
+/** The only sync manager in the range of an FMMU, if access is always allowed: it contains process
+ *  data, and the FMMU has the same direction. */
 static uint8_t inside(const struct esc *esc, const struct esc_fmmu *f) {
     const uint32_t end = (uint32_t)f->physical + f->length;
     uint8_t found = 0;
@@ -33,7 +33,7 @@ static uint8_t inside(const struct esc *esc, const struct esc_fmmu *f) {
         if (f->physical >= sm_end || end <= sm->start) {
             continue;
         }
-        /* An FMMU over two sync managers, or over a mailbox, works in no device. */
+        /* An FMMU across two sync managers, or across a mailbox, does not work in any device. */
         if (found != 0 || sm->mailbox || f->physical < sm->start || end > sm_end) {
             return 0;
         }
@@ -81,12 +81,12 @@ static bool overlap(const struct esc_fmmu *f, uint32_t logical, uint16_t size_by
     return true;
 }
 
-/** Bits of an FMMU that is not a multiple of bytes; at least one, see get_fmmu(). */
+/** Number of bits of an FMMU that is not a multiple of bytes; at least one, see get_fmmu(). */
 static uint32_t bit_count(const struct esc_fmmu *f) {
     return 8u * f->length - f->start_bit - (7u - f->end_bit);
 }
 
-/** Bytes of memory of these bits; one access. */
+/** Number of memory bytes of these bits; one access. */
 static uint32_t byte_count(const struct esc_fmmu *f) {
     return (f->physical_bit + bit_count(f) + 7) / 8;
 }
@@ -193,7 +193,7 @@ void esc_fmmu_pass(struct esc *esc, struct datagram *d) {
             read |= read_part(esc, f, &p, d, logical);
         }
     }
-    /* Once per SubDevice and direction, however many FMMUs there are. */
+    /* Once per SubDevice and direction, whatever the number of FMMUs. */
     const uint16_t for_write = d->command == CMD_LRW ? 2 : 1;
     d->counter = (uint16_t)(d->counter + read + (written ? for_write : 0));
 }

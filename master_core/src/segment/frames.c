@@ -1,4 +1,4 @@
-/** SubDevices in a row: frames pass through all that are reached, and come back. */
+/** SubDevices in a row: frames pass through all reachable ones, and return. */
 #include "segment/segment_internal.h"
 
 enum {
@@ -10,7 +10,8 @@ enum {
 
 enum { CMD_APWR = 2, CMD_FPWR = 5, CMD_BWR = 8, CMD_LRD = 10, CMD_LRW = 12 };
 
-/** Places that process a frame, from first to the one before end, and when it reaches the first. */
+/** Places that process a frame, from first to the one before end, and its arrival time at the
+ *  first. */
 struct span {
     uint32_t first, end;
     uint64_t now_ns;
@@ -24,7 +25,7 @@ static bool is_there(const struct fsn_segment *s, uint32_t place) {
     return s->present[s->order[place]];
 }
 
-/** How long a frame takes past some places. */
+/** Time that a frame needs to pass some places. */
 static uint64_t way_ns(struct fsn_segment *s, uint32_t first, uint32_t end) {
     uint64_t sum = 0;
     for (uint32_t place = first; place < end; place++) {
@@ -142,9 +143,9 @@ static bool is_taken(struct fsn_segment *s, uint32_t port, const uint8_t *frame,
     return (port == 0 ? s->from_first : s->from_last) > 0;
 }
 
-/** Controllers process frames that enter at port 0, wherever they came in. In a closed ring only
- *  the first port of the MainDevice is one. After a gap the last half sends a frame back at the
- *  gap, so it passes twice and is processed on the way out. */
+/** Controllers process frames that enter at port 0, whatever their origin. In a closed ring, only
+ *  frames from the first port of the MainDevice do. At a gap, the last half returns a frame, so it
+ *  passes twice and is processed on the way out. */
 static struct span span_of(struct fsn_segment *s, uint32_t port, uint64_t now_ns) {
     if (port == 0) {
         return (struct span){.end = s->from_first, .now_ns = now_ns};

@@ -43,7 +43,7 @@ bool fsn_segment_test_rig(void) {
     return TEST_RIG != 0;
 }
 
-/** Whether an interface is a pair in software or a tap: then no real machine hangs on it. */
+/** Whether an interface is a software pair or a tap, so that no real machine is connected to it. */
 static bool is_virtual(int socket_fd, const char *interface) {
     struct ethtool_drvinfo info = {.cmd = ETHTOOL_GDRVINFO};
     struct ifreq request = {0};
@@ -55,7 +55,7 @@ static bool is_virtual(int socket_fd, const char *interface) {
     return strcmp(info.driver, "veth") == 0 || strcmp(info.driver, "tun") == 0;
 }
 
-/** Puts the next packet of a port on the wire; false when there is none. */
+/** Puts the next packet of a port on the wire; false if there is none. */
 static bool take(struct fsn_segment *s, uint32_t port, int flags) {
     static _Thread_local uint8_t frame[MAX_FRAME];
     const ssize_t got = recv(s->sockets[port], frame, sizeof frame, flags);
@@ -88,7 +88,7 @@ static void answer(struct fsn_segment *s) {
     }
 }
 
-/** Receives frames until a held frame is due; false if none came for a while. */
+/** Receives frames until a held frame is due; false if none arrived for some time. */
 static bool take_next(struct fsn_segment *s) {
     const uint64_t until_due = fsn_segment_wait(s, fsn_clock_ns(CLOCK_MONOTONIC));
     if (until_due >= WAIT_NS && s->sockets[1] < 0) {
@@ -110,7 +110,7 @@ static bool take_next(struct fsn_segment *s) {
     return taken;
 }
 
-/** Whether the far end of an interface is up: its last SubDevice sees no link otherwise. */
+/** Whether the other end of an interface is up: otherwise its last SubDevice has no link. */
 static bool has_carrier(int socket_fd, const char *interface) {
     struct ifreq request = {0};
     snprintf(request.ifr_name, sizeof request.ifr_name, "%s", interface);
@@ -118,7 +118,7 @@ static bool has_carrier(int socket_fd, const char *interface) {
            ((unsigned short)request.ifr_flags & IFF_RUNNING) != 0;
 }
 
-/** Each end of a ring is plugged in or not; the other one serves on. */
+/** Each end of a ring is plugged in or not; the other end continues to work. */
 static void poll_carriers(struct fsn_segment *s, uint64_t *due_ns) {
     const uint64_t now = fsn_clock_ns(CLOCK_MONOTONIC);
     if (s->sockets[1] < 0 || now < *due_ns) {
@@ -158,12 +158,12 @@ static fsn_status open_socket(int *socket_fd, const char *interface, bool takes_
     struct ifreq request = {0};
     snprintf(request.ifr_name, sizeof request.ifr_name, "%s", interface);
     if (ioctl(*socket_fd, SIOCGIFMTU, &request) == 0 && request.ifr_mtu < ETHERNET_BYTES) {
-        errno = EMSGSIZE; /* long frames never reach it */
+        errno = EMSGSIZE; /* long frames would never arrive */
         return FSN_E_SYS;
     }
     const struct sockaddr_ll address = {
         .sll_family = AF_PACKET, .sll_protocol = htons(ETHERTYPE), .sll_ifindex = (int)index};
-    const int on = 1; /* own answers are not frames to answer */
+    const int on = 1; /* our own answers must not be answered */
     const struct timeval patience = {.tv_usec = WAIT_NS / 1000};
     if (setsockopt(*socket_fd, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience) != 0 ||
         setsockopt(*socket_fd, SOL_PACKET, PACKET_IGNORE_OUTGOING, &on, sizeof on) != 0 ||
@@ -173,8 +173,8 @@ static fsn_status open_socket(int *socket_fd, const char *interface, bool takes_
     return FSN_OK;
 }
 
-/** One emulation answers on an interface. An abstract name belongs to the network namespace, as the
- *  interface does, and is gone with its process however that ends. */
+/** Only one emulation answers on an interface. An abstract name belongs to the network namespace,
+ *  like the interface, and disappears with its process, however that ends. */
 static fsn_status lock_interface(int *lock, const char *interface) {
     struct sockaddr_un name = {.sun_family = AF_UNIX};
     const int length =
@@ -240,7 +240,7 @@ static fsn_status open_ports(struct fsn_segment *s, const struct fsn_segment_lin
                                                      : status;
 }
 
-/** Answers from now on. Returns 0, or errno. */
+/** Starts answering. Returns 0, or errno. */
 static int begin(struct fsn_segment *s, const struct fsn_segment_link_options *o) {
     snprintf(s->interfaces[0], sizeof s->interfaces[0], "%s", o->interface);
     snprintf(s->interfaces[1], sizeof s->interfaces[1], "%s",

@@ -36,7 +36,7 @@ static uint32_t room(struct esc *esc) {
     return length < ESC_MAILBOX_BYTES ? length : ESC_MAILBOX_BYTES;
 }
 
-/** Begins an answer; returns where its body goes. */
+/** Begins an answer; returns the position of its body. */
 static uint8_t *begin(struct esc *esc, uint8_t type, uint32_t body_bytes) {
     uint8_t *a = esc->answer;
     memset(a, 0, sizeof esc->answer);
@@ -64,7 +64,7 @@ static void abort_sdo(struct esc *esc, uint16_t index, uint8_t sub, uint32_t cod
     esc->transfer.active = false;
 }
 
-/** Collects the data of an upload: one value, or a whole object with sub-index 0 in 16 bits. */
+/** Collects the data of an upload: one value, or a whole object with subindex 0 in 16 bits. */
 static bool collect(struct esc *esc, uint16_t index, uint8_t sub, bool complete) {
     struct transfer *t = &esc->transfer;
     t->size_bytes = 0;
@@ -144,14 +144,14 @@ static void upload_segment(struct esc *esc, uint8_t command) {
     t->active = t->done < t->size_bytes;
 }
 
-/** Returns the abort code of a finished download, 0 when it is stored. */
+/** Returns the abort code of a finished download, or 0 if it was stored. */
 static uint32_t store(struct esc *esc, uint16_t index, uint8_t sub, bool complete,
                       const uint8_t *data, uint32_t size_bytes) {
     if (!objects_has(&esc->objects, index)) {
         return ABORT_NO_OBJECT;
     }
     uint32_t at = 0;
-    /* Complete access writes all sub-indexes in turn; otherwise there is one. */
+    /* Complete access writes all subindexes in turn; otherwise there is only one. */
     for (uint32_t s = sub; s <= (complete ? 255u : sub) && (at < size_bytes || s == sub); s++) {
         const struct object *o = objects_find(&esc->objects, index, (uint8_t)s);
         if (o == NULL) {
@@ -164,7 +164,7 @@ static uint32_t store(struct esc *esc, uint16_t index, uint8_t sub, bool complet
             return ABORT_LENGTH;
         }
         memcpy(objects_value(&esc->objects, o), data + at, o->size_bytes);
-        /* With complete access, sub-index 0 takes two bytes: one of padding follows it. */
+        /* With complete access, subindex 0 takes two bytes: a padding byte follows it. */
         at += o->size_bytes + (complete && s == 0 ? 1 : 0);
     }
     return 0;
@@ -250,7 +250,7 @@ static void download_segment(struct esc *esc, const uint8_t *sdo, uint32_t sdo_b
     body[2] = (uint8_t)(0x20 | (command & 0x10));
 }
 
-/** Aborts the objects that a test has selected. */
+/** Aborts access to the objects selected by a test. */
 static bool aborts_on_demand(struct esc *esc, uint16_t index, uint8_t sub) {
     for (uint32_t i = 0; i < esc->faults.abort_count; i++) {
         const struct esc_abort *a = &esc->faults.aborts[i];
@@ -315,7 +315,7 @@ void esc_mailbox_in(struct esc *esc) {
     esc->answer_due_ns = esc->now_ns + esc->faults.mailbox_delay_ns;
     sm(esc, 0)[5] &= (uint8_t)~SM_FULL; /* the device has taken it */
     if (room(esc) < HEADER_BYTES + COE_BYTES + SDO_BYTES) {
-        return; /* SM1 has been written since PREOP: no answer fits */
+        return; /* SM1 has been written since PREOP: no answer is possible */
     }
     const uint32_t body = fsn_get16(message);
     const uint8_t type = message[5] & 0x0F;

@@ -23,7 +23,7 @@ static bool grow(void **memory, uint32_t *room, uint32_t needed, size_t element_
 void objects_add(struct objects *o, uint16_t index, uint8_t sub, bool writable, const void *value,
                  uint32_t size_bytes) {
     if (o->failed || objects_find(o, index, sub) != NULL) {
-        return; /* stated twice: the first one counts */
+        return; /* duplicate: the first one counts */
     }
     uint32_t room = o->value_room;
     if (!grow((void **)&o->rows, &o->room, o->count + 1, sizeof *o->rows) ||
@@ -79,7 +79,7 @@ bool objects_put(struct objects *o, uint16_t index, uint8_t sub, bool writable, 
     if (object == NULL) {
         objects_add(o, index, sub, writable, value, size_bytes);
         const bool ok = !o->failed;
-        o->failed = false; /* the others are whole */
+        o->failed = false; /* the others are complete */
         return ok;
     }
     if (object->size_bytes != size_bytes) {

@@ -12,24 +12,24 @@ struct object {
     uint8_t sub;
     bool writable;
     uint32_t size_bytes;
-    uint32_t at; /**< of its first byte in the values */
+    uint32_t at; /**< position of its first byte in the values */
 };
 
 struct objects {
-    struct object *rows; /**< in the order added; subs of an index follow each other */
+    struct object *rows; /**< in the order of addition; subindexes of an index are consecutive */
     uint32_t count, room;
-    uint8_t *values;  /**< now */
-    uint8_t *initial; /**< at power-on */
+    uint8_t *values;  /**< current values */
+    uint8_t *initial; /**< values at power-on */
     uint32_t value_bytes, value_room;
-    bool failed; /**< no memory: something that was to be added is missing */
+    bool failed; /**< out of memory: an object to be added is missing */
 };
 
-/** Adds a value, unless there is one already. */
+/** Adds a value, unless it already exists. */
 void objects_add(struct objects *objects, uint16_t index, uint8_t sub, bool writable,
                  const void *value, uint32_t size_bytes);
 
-/** Sets a value now and for every power-on; adds it, writable or not, when there is none.
- *  False when it has another length, or memory ran out. */
+/** Sets a value now and for every power-on; adds it, writable or not, if it does not exist. False
+ *  when it has another length, or memory ran out. */
 bool objects_put(struct objects *objects, uint16_t index, uint8_t sub, bool writable,
                  const void *value, uint32_t size_bytes);
 

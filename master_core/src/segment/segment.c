@@ -8,14 +8,14 @@
 
 enum {
     MAX_POSITIONS = 4096,
-    FORWARD_NS = 300, /**< through one controller */
+    FORWARD_NS = 300, /**< delay through one controller */
 };
 
 /* -- building ------------------------------------------------------------------------------- */
 
-/** Ring positions: a SubDevice without alias has a position of its own. The position of one with an
- *  alias counts from the SubDevice that carries the alias, and that one takes the next free place.
- *  Groups that may be absent follow all others, one after the other. */
+/** Assigns ring positions. A SubDevice without alias has its own position. The position of one with
+ *  an alias counts from the SubDevice that carries the alias, and that one takes the next free
+ *  place. Groups that may be absent follow all others, one after another. */
 static uint32_t place_subdevices(struct fsn_segment *s) {
     const uint32_t subdevices = fsn_plan_subdevice_count(s->plan);
     uint8_t taken[MAX_POSITIONS] = {0};
@@ -86,7 +86,8 @@ static void give_buffers(struct fsn_segment *s) {
     }
 }
 
-/** The owner inherits the priority of waiting threads: the link may be a real-time thread. */
+/** The owner inherits the priority of waiting threads, because the link may be a real-time
+ *  thread. */
 static void init_lock(pthread_mutex_t *lock) {
     pthread_mutexattr_t attributes;
     pthread_mutexattr_init(&attributes);
@@ -95,7 +96,7 @@ static void init_lock(pthread_mutex_t *lock) {
     pthread_mutexattr_destroy(&attributes);
 }
 
-/** Of the groups of one place only the first is plugged in at first. */
+/** Of the groups of one place, only the first is initially plugged in. */
 static void set_groups(struct fsn_segment *s) {
     for (uint32_t i = 0; i < fsn_plan_subdevice_count(s->plan); i++) {
         const uint32_t position = s->positions[i];
@@ -132,7 +133,7 @@ fsn_status fsn_segment_create(struct fsn_plan *plan, struct fsn_segment **segmen
         }
         s->present[p] = true;
         s->order[p] = p;
-        /* Their clocks differ: now and later. */
+        /* Their clocks differ in time and in rate. */
         s->escs[p].clock = (struct esc_clock){.forward_ns = FORWARD_NS,
                                               .offset_ns = 1000003u * (uint64_t)p,
                                               .drift_ppb = (int64_t)(p * 37 % 101) * 1000 - 50000};

@@ -11,7 +11,7 @@
 
 /** Position of a sync manager of the plan. */
 struct place {
-    uint32_t position; /**< FSN_NONE: nowhere */
+    uint32_t position; /**< FSN_NONE: no position */
     uint8_t sm;
 };
 
@@ -32,7 +32,7 @@ struct wire {
     uint64_t delay_ns;
     uint64_t stall_ns; /**< requested; begins when time is known */
     uint64_t stalled_until_ns;
-    uint32_t repeat; /**< answers after which the old one comes again */
+    uint32_t repeat; /**< answers after which the old one is repeated */
     bool again;      /**< now */
     uint32_t old_port;
     size_t old_bytes;
@@ -42,15 +42,15 @@ struct wire {
 struct fsn_segment {
     struct fsn_plan *plan;
     struct esc *escs; /**< by position as planned */
-    bool *present;    /**< likewise */
-    bool *optional;   /**< likewise: of a group; while it is absent frames go on past its place */
-    uint32_t *order;  /**< place on the ring to position; the same unless devices were swapped */
+    bool *present;    /**< by planned position */
+    bool *optional;   /**< likewise: of a group; if absent, frames pass its place */
+    uint32_t *order;  /**< place on the ring to position; equal unless devices were swapped */
     bool *cut;        /**< cable before a place; one more after the last */
     uint32_t count;
     bool ring;            /**< the last SubDevice is cabled to the second port of the MainDevice */
     bool unplugged[2];    /**< per port of the MainDevice: its interface has no carrier */
-    uint32_t from_first;  /**< places a frame at the first port reaches */
-    uint32_t from_last;   /**< places, counted from the end, a frame at the second port reaches */
+    uint32_t from_first;  /**< places that a frame at the first port reaches */
+    uint32_t from_last;   /**< places, from the end, that a frame at the second port reaches */
     bool closed;          /**< the ring has no gap */
     uint32_t *positions;  /**< per SubDevice of the plan */
     struct place *places; /**< per sync manager of the plan */
@@ -69,18 +69,19 @@ struct fsn_segment {
     atomic_bool stop;
 };
 
-/** Makes SII contents and object dictionary of one SubDevice of the plan, or of a free position
- *  (subdevice FSN_NONE); false when out of memory (describe.c). */
+/** Creates SII contents and object dictionary of one SubDevice of the plan, or of a free position
+ *  (subdevice FSN_NONE); false if out of memory (describe.c). */
 bool segment_describe(struct fsn_segment *segment, uint32_t subdevice, uint32_t position);
 
-/** Lets a frame pass now; the lock is held (frames.c). */
+/** Passes a frame now; the lock is held (frames.c). */
 size_t segment_pass(struct fsn_segment *segment, uint32_t port, uint8_t *frame, size_t len_bytes,
                     uint64_t now_ns, uint32_t *out_port);
 
 /** Per port of the MainDevice: whether its interface has a carrier (topology.c). */
 void segment_plug(struct fsn_segment *segment, bool first, bool second);
 
-/** After any change of cables or power: who is reached, DL status, lost links (topology.c). */
+/** After any change of cables or power: updates reachability, DL status, lost links
+ *  (topology.c). */
 void segment_rewire(struct fsn_segment *segment);
 
 #endif

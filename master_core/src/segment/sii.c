@@ -14,7 +14,7 @@ enum {
     CHECKSUM = 14,
 };
 
-/** One byte of the EEPROM; after its end it reads as erased, which ends the categories. */
+/** One byte of the EEPROM; beyond its end it reads as erased, which ends the categories. */
 static uint8_t sii_byte(const struct esc *esc, uint64_t at) {
     return at < esc->sii_bytes ? esc->sii[at] : 0xFF;
 }
@@ -32,7 +32,8 @@ static bool write_alias(struct esc *esc) {
 void esc_sii_command(struct esc *esc) {
     uint8_t *control = esc->memory + REG_SII_CONTROL;
     const uint8_t command = control[1] & COMMAND_MASK;
-    /* Commands are done at once and clear themselves: MainDevices wait until these bits are 0. */
+    /* Commands complete immediately and clear themselves: MainDevices wait until these bits are
+     * 0. */
     control[1] &= (uint8_t)~(COMMAND_MASK | ERROR_MASK | 0x80);
     control[0] |= 0x40; /* 8 bytes per read */
     if (command == COMMAND_READ) {
@@ -45,6 +46,6 @@ void esc_sii_command(struct esc *esc) {
     } else if (command == COMMAND_WRITE && write_alias(esc)) {
         return;
     } else if (command != 0) {
-        control[1] |= ERROR_COMMAND; /* its EEPROM is made from the network file: not written */
+        control[1] |= ERROR_COMMAND; /* its EEPROM comes from the network file: not written */
     }
 }

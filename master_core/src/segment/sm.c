@@ -1,4 +1,4 @@
-/** Sync managers: mailboxes that are full or empty, process data that is never half new. */
+/** Sync managers: mailboxes that are full or empty, process data that are always complete. */
 #include "segment/esc.h"
 
 #include <string.h>
@@ -14,7 +14,7 @@ static bool get_sm(const struct esc *esc, unsigned number, struct esc_sm *sm) {
         .mailbox = (r[4] & 3) == 2,
         .from_device = (r[4] & 0x0C) == 0,
     };
-    /* It guards process data memory only: registers stay reachable whatever is set. */
+    /* It guards process data memory only: registers stay accessible whatever is configured. */
     return (r[6] & 1) != 0 && sm->length > 0 && sm->start >= ESC_PROCESS_DATA;
 }
 
@@ -48,7 +48,7 @@ bool esc_sm_allows(const struct esc *esc, uint16_t address, uint16_t size_bytes,
             continue;
         }
         if (write == sm->from_device) {
-            return false; /* the device's side of it */
+            return false; /* the device side */
         }
         const bool full = (esc->memory[REG_SM + 8 * sm->number + 5] & SM_FULL) != 0;
         if (sm->mailbox && full != sm->from_device) {
@@ -72,8 +72,8 @@ void esc_sm_take_inputs(struct esc *esc, const struct esc_sm *sm) {
 void esc_sm_before_read(struct esc *esc, uint16_t address, uint16_t size_bytes) {
     for (unsigned n = 0; n < esc->sm_count; n++) {
         const struct esc_sm *sm = &esc->sms[n];
-        /* The newest set is taken when its first byte is read, so that a set read in several
-         * datagrams is whole. */
+        /* The newest set is copied when its first byte is read, so that a set read in several
+         * datagrams is complete. */
         if (sm->from_device && !sm->mailbox && holds(address, size_bytes, sm->start)) {
             esc_sm_take_inputs(esc, sm);
         }

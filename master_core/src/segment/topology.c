@@ -1,4 +1,4 @@
-/** Cables and ports: which SubDevices a frame reaches, and what they report of their neighbours. */
+/** Cables and ports: the SubDevices that a frame reaches, and their reports about neighbours. */
 #include "segment/segment_internal.h"
 
 enum {
@@ -15,7 +15,7 @@ static bool is_powered(const struct fsn_segment *s, uint32_t place) {
     return s->present[s->order[place]];
 }
 
-/** A group hangs on a junction: without it the way is as if its place did not exist. */
+/** A group is connected to a junction: without it, the path is as if its place did not exist. */
 static bool is_passed(const struct fsn_segment *s, uint32_t place) {
     return is_powered(s, place) || s->optional[s->order[place]];
 }

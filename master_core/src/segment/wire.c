@@ -1,4 +1,4 @@
-/** The wire between MainDevice and segment: frames that are late, held up, or come twice. */
+/** The wire between MainDevice and segment: frames that are late, held, or repeated. */
 #include <string.h>
 
 #include "segment/segment_internal.h"
@@ -29,7 +29,7 @@ void fsn_segment_send(struct fsn_segment *s, uint32_t port, const uint8_t *frame
     } else if (w->count == WIRE_FRAMES) {
         s->counts.lost++;
     } else {
-        w->first = w->count == 0 ? 0 : w->first; /* the same memory again: it is in the cache */
+        w->first = w->count == 0 ? 0 : w->first; /* reuse memory that is in the cache */
         struct held *h = &w->held[(w->first + w->count++) % WIRE_FRAMES];
         h->due_ns = now_ns + w->delay_ns;
         h->port = port;
@@ -39,8 +39,8 @@ void fsn_segment_send(struct fsn_segment *s, uint32_t port, const uint8_t *frame
     pthread_mutex_unlock(&s->lock);
 }
 
-/** Keeps the first answer since a repetition was requested; after the following ones it is due
- *  again. */
+/** Stores the first answer after a repetition was requested; it is due again after the following
+ *  ones. */
 static void remember(struct wire *w, const uint8_t *frame, size_t len, uint32_t port) {
     if (w->repeat == 0) {
         return;
