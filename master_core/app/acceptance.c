@@ -20,13 +20,13 @@ enum { MOST_TEXT = 16384, NOT_STARTED = 127 };
 
 static const char program_name[] = "fsoe-net";
 
-/** Puts a folder before the name of the program.   @return whether it can be run there. */
+/** Puts a folder before the name of the program.   @return whether it can be executed there. */
 static bool is_in(const char *folder, size_t folder_bytes, char path[PATH_MAX]) {
     const int len = snprintf(path, PATH_MAX, "%.*s/%s", (int)folder_bytes, folder, program_name);
     return folder[0] == '/' && len > 0 && len < PATH_MAX && access(path, X_OK) == 0;
 }
 
-/** Finds the program in the folder of this one, else in the absolute folders of PATH. */
+/** Finds the program in the folder of this one, or in the absolute folders of PATH. */
 static bool find_program(char path[PATH_MAX]) {
     char own[PATH_MAX];
     const ssize_t len = readlink("/proc/self/exe", own, sizeof own - 1);
@@ -48,7 +48,7 @@ static bool find_program(char path[PATH_MAX]) {
     return false;
 }
 
-/** Returns a file without a name that holds the plan, read from its start; -1 with errno set. */
+/** Returns a file without a name that contains the plan, at its start; -1 with errno set. */
 static int plan_as_file(const uint8_t *plan, size_t plan_bytes) {
     const int fd = memfd_create("plan", MFD_CLOEXEC);
     for (size_t at = 0; fd >= 0 && at < plan_bytes;) {
@@ -67,7 +67,7 @@ static int plan_as_file(const uint8_t *plan, size_t plan_bytes) {
     return fd;
 }
 
-/** Becomes the other program.   @return only when that fails. */
+/** Executes the other program in this process.   @return only on failure. */
 static void become(const char *path, const struct options *o, int plan_fd, int text_fd) {
     char *const argv[] = {
         (char *)program_name,

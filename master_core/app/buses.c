@@ -6,11 +6,11 @@
 #include "app/log/log.h"
 #include "fsn/several.h"
 
-/** The one set of buses of this program. */
+/** All buses of this program. */
 static struct {
     const struct options *options;
     const struct fsn_plan *plan;
-    const struct fsn_backend *of; /**< drives each of them */
+    const struct fsn_backend *of; /**< the backend of all buses */
     const char *interface[MOST_BUSES];
     uint32_t count;
     void *bus[MOST_BUSES];
@@ -63,7 +63,7 @@ static void free_all(void *bus) {
     }
 }
 
-/** Finds the bus that NAME=INTERFACE is about. */
+/** Assigns NAME=INTERFACE to its bus. */
 static int assign(const char *text) {
     const char *behind = strchr(text, '=');
     for (uint32_t n = 0; behind != NULL && n < all.count; n++) {

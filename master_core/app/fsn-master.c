@@ -59,7 +59,7 @@ static uint8_t *read_file(const char *path, size_t *len) {
 }
 
 /** Loads the plan, and checks its signatures.
- *  @return -1, else the exit code, with the error logged. */
+ *  @return -1, otherwise the exit code, with the error logged. */
 static int load(struct options *o, struct fsn_plan **plan) {
     const char *path = o->plan_file;
     size_t len;
@@ -145,7 +145,7 @@ static void socket_path(const struct options *o, char *room, size_t room_bytes) 
         snprintf(room, room_bytes, "%s", o->socket);
         return;
     }
-    /* A service manager may name several directories; the first is the one. */
+    /* A service manager may name several directories; the first one is used. */
     const int len =
         snprintf(room, room_bytes, "%.*s/fsn-master-", (int)strcspn(directory, ":"), directory);
     size_t at = (size_t)len < room_bytes ? (size_t)len : room_bytes - 1;
@@ -161,7 +161,7 @@ static int block_signals(void) {
     sigaddset(&set, SIGTERM);
     sigaddset(&set, SIGINT);
     sigaddset(&set, SIGHUP);
-    /* Before any thread is there, so that all of them inherit it. */
+    /* Before any thread exists, so that all threads inherit it. */
     sigprocmask(SIG_BLOCK, &set, NULL);
     return signalfd(-1, &set, SFD_CLOEXEC | SFD_NONBLOCK);
 }
@@ -172,7 +172,7 @@ struct words {
     char **word;
 };
 
-/** Opens the intervention log.   @return -1, else the exit code, with the error logged. */
+/** Opens the intervention log.   @return -1, otherwise the exit code, with the error logged. */
 static int keep_log(const struct options *o, const struct words *words) {
     struct interventions *log = NULL;
     struct fsn_refusal refusal;
@@ -190,14 +190,15 @@ static int keep_log(const struct options *o, const struct words *words) {
     return -1;
 }
 
-/** Entries that a log opened late lacks. */
+/** Entries to write when a log is opened late. */
 struct late {
     const struct options *options;
     const struct fsn_plan *plan;
     const struct words *words;
 };
 
-/** The log of the predecessor may be the same: it is ours when that one has ended. */
+/** The log of the predecessor may be the same file, so it is opened after that process has
+ *  ended. */
 static int keep_log_late(void *self) {
     const struct late *late = self;
     const int code = keep_log(late->options, late->words);
@@ -207,7 +208,8 @@ static int keep_log_late(void *self) {
     return code;
 }
 
-/** No thread can undo it. Missing support in the kernel does not prevent a start. */
+/** The restrictions cannot be removed by any thread. Missing kernel support does not prevent the
+ *  start. */
 static void confine(struct options *options) {
     const int error = confine_process();
     options->confine = true;
@@ -266,7 +268,7 @@ int main(int argc, char **argv) {
         return code;
     }
     signal(SIGPIPE, SIG_IGN);
-    signal(SIGXFSZ, SIG_IGN); /* longer text is cut off, and marked */
+    signal(SIGXFSZ, SIG_IGN); /* a longer text is truncated and marked */
     log_as_json(options.log_json);
     const struct words words = {argc, argv};
     code = options.take_over || options.standby ? -1 : keep_log(&options, &words);

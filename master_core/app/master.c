@@ -23,7 +23,7 @@
 #include "control/base/peer.h"
 #include "fsn/handover.h"
 
-enum { END_MS = 10000 }; /**< how long the end may take when the bus does not even open */
+enum { END_MS = 10000 }; /**< maximum time for the end if the bus does not even open */
 
 enum state { STOPPED, OPENING, RUNNING, LEAVING, CLOSING, FAILED };
 static const char *const state_name[] = {"stopped",  "opening",  "running",
@@ -37,9 +37,9 @@ struct master {
     struct runner *runner;
     int signal_fd;
     enum state state;
-    bool wanted;      /**< the bus is to run */
+    bool wanted;      /**< the bus should run */
     bool again;       /**< it must be stopped before it runs again */
-    bool ending;      /**< the program is to end */
+    bool ending;      /**< the program should end */
     bool opened_once; /**< the cycle has run */
     bool ready;       /**< every SubDevice has reached OP since the bus was opened */
     bool was_ready;   /**< since the program began: the manager was notified */
@@ -51,16 +51,15 @@ struct master {
     uint64_t started_ns, run_until_ns, end_until_ns;
     uint64_t watchdog_ns, watched_cycles;
     bool logs;                                  /**< there is an intervention log */
-    bool log_fails;                             /**< reported: it is not written */
+    bool log_fails;                             /**< reported: it cannot be written */
     bool log_limited;                           /**< reported: half of its limit is used */
-    struct fsn_interventions interventions;     /**< how it was in this turn */
+    struct fsn_interventions interventions;     /**< its state in this turn */
     struct handover_listener handover_listener; /**< for the successor process */
-    bool turns;                                 /**< the runner begins or ends a rest */
+    bool turns;                                 /**< the runner begins or ends a pause */
     const char *socket_path;
-    struct predecessor *predecessor; /**< predecessor whose bus is taken over; NULL: none, or the
-                                      * bus is ours */
+    struct predecessor *predecessor; /**< its bus is taken over; NULL: none, or the bus is ours */
     bool follows;                    /**< as standby */
-    bool listener_waits;             /**< its control socket will be ours as well */
+    bool listener_waits;             /**< its control socket will also become ours */
     int (*taken)(void *self);
     void *self;
 };
@@ -201,7 +200,7 @@ static void failed(struct master *m, const struct runner_result *result) {
     const bool given_up = !m->wanted;
     m->wanted = false;
     m->follows = false;
-    /* While the predecessor lives the bus runs: this is not a failed bus. */
+    /* If the predecessor is alive the bus runs: this is not a failed bus. */
     if (m->options->standby && m->predecessor != NULL && !m->predecessor->ended) {
         snprintf(text, sizeof text, "the standby takes nothing over: %s", m->fault);
     } else if (m->predecessor != NULL && !m->predecessor->ended) {
@@ -211,7 +210,7 @@ static void failed(struct master *m, const struct runner_result *result) {
         snprintf(text, sizeof text, "the bus does not open: %s", m->fault);
     }
     set_state(m, FAILED, FSN_LOG_ERROR, text);
-    /* A bus that was given up on request needs no incident file. */
+    /* A bus that was abandoned on request needs no incident file. */
     if (!given_up) {
         fsn_control_bus_failed(m->control, m->fault, &result->fault, result->found);
     }
@@ -224,7 +223,7 @@ static void failed(struct master *m, const struct runner_result *result) {
     }
 }
 
-/** The kernel stops a real-time thread that never sleeps for a part of every second. */
+/** Warns that the kernel stops a real-time thread that never sleeps for a part of every second. */
 static void warn_of_throttling(void) {
     FILE *file = fopen("/proc/sys/kernel/sched_rt_runtime_us", "re");
     long runtime_us = -1;
@@ -315,8 +314,8 @@ static void rested(struct master *m, const struct runner_result *result) {
     }
 }
 
-/** The successor owns the bus. Slow work is done before the last cycle: a request to a client or a
- *  disk must not become a gap on the bus. */
+/** The successor owns the bus. Slow work is done before the last cycle: a request of a client or a
+ *  disk must not cause a gap on the bus. */
 static void hand_over(struct master *m) {
     m->ending = true;
     fsn_control_state_changed(m->control, FSN_LOG_WARNING,
@@ -356,7 +355,7 @@ static void take_result(struct master *m) {
     char text[64];
     struct runner_result result;
     runner_take(m->runner, &result);
-    /* Jobs first: their clients wait, and the state below may close the bus. */
+    /* Jobs first: their clients wait, and the state change below may close the bus. */
     for (struct fsn_job *job = runner_take_job(m->runner); job != NULL;
          job = runner_take_job(m->runner)) {
         fsn_control_job_done(m->control, job);
@@ -373,7 +372,7 @@ static void take_result(struct master *m) {
     } else if (result.done == RUNNER_CLOSE) {
         set_state(m, STOPPED, FSN_LOG_INFO, "the bus is closed");
     }
-    /* A standby is ready when it follows: systemd would otherwise stop it while it waits. */
+    /* A standby is ready when it follows: otherwise systemd would stop it while it waits. */
     if (m->state == OPENING && !m->follows && runner_follows(m->runner)) {
         m->follows = true;
         snprintf(text, sizeof text, "follows process %d as standby", (int)m->predecessor->pid);
@@ -472,7 +471,7 @@ static void turn(struct master *m) {
     fds[RUNNER] = (struct pollfd){.fd = runner_fd(m->runner), .events = POLLIN};
     handover_listener_prepare(&m->handover_listener, &fds[HANDOVER]);
     for (int i = 0; i < HANDOVER_LISTENER_FDS && m->turns; i++) {
-        fds[HANDOVER + i].fd = -1; /* it waits */
+        fds[HANDOVER + i].fd = -1; /* paused */
     }
     if (ppoll(fds, ALL, &wait, NULL) < 0) {
         return; /* interrupted */
@@ -504,7 +503,7 @@ static int listen_on(struct master *m, const char *path) {
         return -1;
     }
     char holder[HOLDER_TEXT_BYTES] = "";
-    if (refusal.status == FSN_E_STATE && path[0] == '/') { /* a relative path has no one name */
+    if (refusal.status == FSN_E_STATE && path[0] == '/') { /* a relative path is not unique */
         holder_text(path, holder);
     }
     log_line(FSN_LOG_ERROR, "%s; %s%s%s", refusal.text, refusal.hint,
@@ -528,7 +527,8 @@ static int keep_incidents(struct master *m) {
     return EXIT_ENVIRONMENT;
 }
 
-/** The capabilities of this thread, which reads requests; that of the bus has its own by now. */
+/** Drops the capabilities of this thread, which reads requests; the thread of the bus has its
+ *  own. */
 static void give_up(const struct options *options) {
     if (options->confine && confine_thread() != 0) {
         log_line(FSN_LOG_WARNING, "the capabilities are kept: %s", strerror(errno));
@@ -563,7 +563,7 @@ int master_run(const struct options *options, const struct fsn_plan *plan,
     handover_listener_init(&m.handover_listener);
     watch_log(&m);
     m.code = keep_incidents(&m);
-    /* The predecessor still owns the socket of this path; it is taken at the hand-over. */
+    /* The predecessor still owns the socket with this path; it is taken over at the handover. */
     m.listener_waits = predecessor != NULL && is_socket_at(predecessor->listener, socket_path);
     if (m.code == -1 && !m.listener_waits) {
         m.code = listen_on(&m, socket_path);
@@ -577,13 +577,13 @@ int master_run(const struct options *options, const struct fsn_plan *plan,
             m.code = EXIT_ENVIRONMENT;
         }
     }
-    /* After the socket and the threads, which need the rights of the start. */
+    /* After the socket and the threads, which need the permissions of the start. */
     give_up(options);
     while (m.runner != NULL && !(m.ending && (m.state == STOPPED || m.state == FAILED))) {
         advance(&m);
         turn(&m);
     }
-    /* Only an otherwise correct end: a fault has its own code. */
+    /* Only for an otherwise correct end: a fault has its own code. */
     if (m.code == EXIT_FINE && options->require_observed && fsn_control_differed(m.control)) {
         log_line(FSN_LOG_ERROR, "ends with %d: a connection had other parameters than the plan",
                  EXIT_DIFFERS);

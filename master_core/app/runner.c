@@ -21,15 +21,15 @@
 
 enum {
     TEND_NS = 2000000,      /**< between two steps of the acyclic work */
-    LEAVE_MS = 2000,        /**< how long SubDevices have to leave OP */
-    RETRY_MS = 200,         /**< between two tries to open */
+    LEAVE_MS = 2000,        /**< time for SubDevices to leave OP */
+    RETRY_MS = 200,         /**< between two attempts to open */
     RECORD_BYTES = 64 << 20 /**< room for recorded cycles */
 };
 
-/** How long attaching to a running bus is tried. */
+/** How long to try attaching to a running bus. */
 static const uint64_t attach_ns = 3000000000u;
 
-/** Jobs, the oldest first. */
+/** Jobs, oldest first. */
 struct queue {
     struct fsn_job *first, *last;
 };
@@ -39,7 +39,7 @@ struct runner {
     const struct fsn_plan *plan;
     const struct fsn_backend *backend;
     pthread_t thread;
-    int wake; /**< eventfd: the control thread has something to take */
+    int wake; /**< eventfd: the control thread has a result to take */
     pthread_mutex_t lock;
     pthread_cond_t requested;
     enum runner_job job;         /**< requested, guarded by lock */
@@ -47,15 +47,15 @@ struct runner {
     struct runner_result result; /**< guarded by lock */
     struct queue waiting, done;  /**< guarded by lock */
     atomic_bool give_up, in_op, follows;
-    /* The thread's own. */
+    /* Used by the thread only. */
     void *bus;
     struct fsn_core *core;
     struct predecessor *predecessor; /**< its bus is taken over; NULL: none, or no longer */
-    bool rests;                      /**< nothing but the cycle touches the bus */
+    bool rests;                      /**< only the cycle accesses the bus */
     void *room;                      /**< where the core publishes its cycles; NULL: nowhere */
     size_t room_bytes;
     int room_fd;
-    struct fsn_bus_subdevice *found; /**< of the last bus that did not open */
+    struct fsn_bus_subdevice *found; /**< result of the last bus that did not open */
     bool has_found;
 };
 
@@ -78,7 +78,7 @@ static struct fsn_job *take(struct queue *queue) {
 static void wake(struct runner *runner) {
     const uint64_t one = 1;
     if (write(runner->wake, &one, sizeof one) < 0) {
-        return; /* it counts already */
+        return; /* already counted */
     }
 }
 
@@ -94,7 +94,7 @@ static bool may_come(fsn_status status) {
            status == FSN_E_BUS_CLOCK || status == FSN_E_BUS_MAILBOX;
 }
 
-/** Keeps the data of the bus about each SubDevice of the plan, before it is closed. */
+/** Stores the data of the bus about each SubDevice of the plan, before it is closed. */
 static void keep_findings(struct runner *runner) {
     const struct fsn_bus_ops *ops = runner->backend->ops;
     runner->has_found = false;
@@ -109,7 +109,8 @@ static void keep_findings(struct runner *runner) {
     }
 }
 
-/** The refusal names the first SubDevice that is not as planned; here are all of them. */
+/** The refusal names the first SubDevice that differs from the plan; all of them are reported
+ *  here. */
 static void tell_findings(const struct runner *runner) {
     for (uint32_t n = 0; runner->has_found && n < fsn_plan_subdevice_count(runner->plan); n++) {
         struct fsn_subdevice_info info;
@@ -150,7 +151,7 @@ static fsn_status open_once(struct runner *runner, struct fsn_fault *fault) {
 }
 
 static fsn_status open_bus(struct runner *runner, struct fsn_fault *fault) {
-    /* Nothing is disturbed while it attaches, and a late frame is not a reason to refuse. */
+    /* Attaching does not disturb anything, and a late frame is not a reason to refuse. */
     const uint64_t least_ns = runner->predecessor != NULL ? attach_ns : 0;
     const uint64_t wait_ns = runner->options->wait_ns;
     const uint64_t until = fsn_now_ns() + (wait_ns > least_ns ? wait_ns : least_ns);
@@ -165,7 +166,7 @@ static fsn_status open_bus(struct runner *runner, struct fsn_fault *fault) {
             }
             return status;
         }
-        if (tries == 0 || strcmp(reported, fault->detail) != 0) { /* not the same in each try */
+        if (tries == 0 || strcmp(reported, fault->detail) != 0) { /* may change between attempts */
             snprintf(reported, sizeof reported, "%s", fault->detail);
             log_line(FSN_LOG_INFO, "%s%s%s; tries again", fsn_status_text(status),
                      fault->detail[0] != 0 ? ": " : "", fault->detail);
@@ -185,8 +186,8 @@ static uint64_t cycles_of(struct runner *runner) {
     return status == FSN_OK ? statistics.cycles : 0;
 }
 
-/** From its first cycle on an output holds its stop value until a client writes it. The control
- *  thread, the one writer of outputs later, does not have this core yet. */
+/** From its first cycle on, an output has its stop value until a client writes it. The control
+ *  thread, which writes the outputs later, does not have this core yet. */
 static void set_stop_values(struct runner *runner) {
     struct fsn_symbol_info symbol;
     for (uint32_t i = 0; fsn_plan_symbol(runner->plan, i, &symbol) == FSN_OK; i++) {
@@ -210,8 +211,8 @@ static bool first_cycle(struct runner *runner, uint64_t before) {
     return statistics.realtime != 0;
 }
 
-/** Starts the cycle as well as the system permits; exactly as requested where that was requested.
- */
+/** Starts the cycle as well as the system permits; exactly as requested if the options require
+ *  it. */
 static fsn_status start_cycle(struct runner *runner, struct fsn_fault *fault,
                               struct runner_result *result) {
     const struct options *o = runner->options;
@@ -225,15 +226,15 @@ static fsn_status start_cycle(struct runner *runner, struct fsn_fault *fault,
         .priority = options_priority(o),
         .lock_memory = o->policy != POLICY_OTHER,
         .free_run = o->free_run,
-        .follow_dc = true, /* where a frame brings the time */
+        .follow_dc = true, /* if a frame carries the time */
         .dc_shift_ns = o->dc_shift_ns,
         .trace = o->trace,
     };
     const size_t known = schedule_threads(before);
     const uint64_t last = cycles_of(runner);
     fsn_status status = fsn_core_start(runner->core, &thread, fault);
-    /* Locking memory needs a right that a test machine may lack; without it the cycle is only
-     * less sure. */
+    /* Locking memory needs a permission that a test machine may lack; without it the cycle is only
+     * less reliable. */
     if (status == FSN_E_SYS && thread.lock_memory && !strict &&
         (fault->sys_errno == EPERM || fault->sys_errno == ENOMEM)) {
         thread.lock_memory = false;
@@ -245,14 +246,15 @@ static fsn_status start_cycle(struct runner *runner, struct fsn_fault *fault,
     result->locked = thread.lock_memory;
     int error = 0;
     const bool realtime = first_cycle(runner, last);
-    /* The core starts its thread itself: it is found as the one that was not there before. */
+    /* The core starts its thread itself, so it is identified as the one that did not exist
+     * before. */
     if (o->policy == POLICY_DEADLINE) {
         const pid_t cyclic = schedule_new_thread(before, known, after, schedule_threads(after));
         error = cyclic != 0 ? schedule_deadline(cyclic, thread.cycle_ns) : ESRCH;
     } else if (o->policy == POLICY_FIFO && !realtime) {
         error = EPERM;
     }
-    /* The policy that is reported is the one in use, not the one that was asked for. */
+    /* Reports the policy in use, not the requested one. */
     result->policy = error == 0 ? o->policy : POLICY_OTHER;
     if (error != 0 && strict) {
         *fault = (struct fsn_fault){.status = FSN_E_SYS,
@@ -282,7 +284,7 @@ static void close_bus(struct runner *runner) {
     close_room(runner);
 }
 
-/** Gives the core a room in which another process can follow its cycles. */
+/** Gives the core memory in which another process can follow its cycles. */
 static fsn_status open_room(struct runner *runner) {
     if (runner->backend->ops->describe == NULL) {
         return FSN_OK;
@@ -316,7 +318,8 @@ static void describe(struct runner *runner, struct runner_result *result) {
     }
 }
 
-/** One turn of a standby: frames for the cycle of the predecessor would fill the socket. */
+/** One turn of a standby: discards the cyclic frames of the predecessor, which would fill the
+ *  socket. */
 static bool follow_on(void *self) {
     struct runner *runner = self;
     runner->backend->ops->discard(runner->bus);
@@ -324,8 +327,8 @@ static bool follow_on(void *self) {
 }
 
 static fsn_status follow(struct runner *runner, struct fsn_fault *fault) {
-    /* As urgent as the cycle: it does nearly nothing, until it is the one who has to act. The
-     * cyclic thread is created by it, and then it is an ordinary thread again. */
+    /* Uses the priority of the cycle: it does nearly nothing until it must act. It creates the
+     * cyclic thread, and is then an ordinary thread again. */
     const struct sched_param urgent = {.sched_priority = options_priority(runner->options)};
     if (urgent.sched_priority > 0) {
         (void)pthread_setschedparam(pthread_self(), SCHED_FIFO, &urgent);
@@ -339,12 +342,12 @@ static fsn_status follow(struct runner *runner, struct fsn_fault *fault) {
 }
 
 /** Everything is prepared: ends the predecessor, and continues its cycle. All checks that may
- *  refuse are done before. */
+ *  refuse have been done before. */
 static fsn_status take_over(struct runner *runner, struct fsn_fault *fault,
                             struct fsn_statistics *last) {
     struct predecessor *predecessor = runner->predecessor;
     if (runner->options->policy != POLICY_OTHER) {
-        (void)mlockall(MCL_CURRENT | MCL_FUTURE); /* takes a while; fsn_core_start() reports it */
+        (void)mlockall(MCL_CURRENT | MCL_FUTURE); /* takes time; fsn_core_start() reports errors */
     }
     if (fsn_room_read(predecessor->room, predecessor->room_bytes,
                       fsn_core_image_bytes(runner->core), NULL, NULL) == FSN_E_ARG) {
@@ -382,7 +385,7 @@ static void measure_gap(const struct runner *runner, const struct fsn_statistics
     }
 }
 
-/** From a bus that is open to a cycle that runs. */
+/** Starts the cycle on an open bus. */
 static fsn_status begin_cycle(struct runner *runner, struct runner_result *result) {
     struct fsn_statistics last;
     struct fsn_fault *fault = &result->fault;
@@ -432,8 +435,8 @@ static void tell_who_is_in_op(const struct runner *runner) {
     }
 }
 
-/** The stop values were set before this was requested: they are sent in a few more cycles, and
- *  copying continues until the SubDevices have left OP. */
+/** The stop values were set before this request: they are sent in a few more cycles, and copying
+ *  continues until the SubDevices have left OP. */
 static void job_leave(struct runner *runner) {
     enum { CYCLES = 3 };
     const uint64_t bound = LEAVE_MS * UINT64_C(1000000) + CYCLES * cycle_of(runner);
@@ -482,7 +485,7 @@ static void poll_bus(struct runner *runner) {
     }
 }
 
-/** Between two steps of a transfer: supervision continues, until another request comes. */
+/** Between two steps of a transfer: supervision continues, until another request arrives. */
 static bool poll_between(void *self) {
     struct runner *runner = self;
     pthread_mutex_lock(&runner->lock);
@@ -494,7 +497,7 @@ static bool poll_between(void *self) {
     return goes_on;
 }
 
-/** Does one transfer, when one waits. */
+/** Executes one transfer, if one is waiting. */
 static void do_transfer(struct runner *runner, bool polling) {
     const struct fsn_job_context context = {.core = polling ? runner->core : NULL,
                                             .ops = runner->backend->ops,
@@ -516,7 +519,7 @@ static void do_transfer(struct runner *runner, bool polling) {
     wake(runner);
 }
 
-/** Waits for a job; while a bus is polled, a little only. */
+/** Waits for a job; while a bus is polled, only briefly. */
 static enum runner_job next_job(struct runner *runner, bool polling, bool *ending) {
     pthread_mutex_lock(&runner->lock);
     struct timespec until;
@@ -624,7 +627,7 @@ int runner_fd(const struct runner *runner) {
 void runner_take(struct runner *runner, struct runner_result *result) {
     uint64_t count;
     if (read(runner->wake, &count, sizeof count) < 0) {
-        count = 0; /* the SubDevice was absent; the result reports it */
+        count = 0; /* the SubDevice was absent; the result reports this */
     }
     pthread_mutex_lock(&runner->lock);
     *result = runner->result;

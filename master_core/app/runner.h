@@ -13,11 +13,11 @@ struct predecessor;
 
 enum runner_job {
     RUNNER_IDLE,
-    RUNNER_OPEN,  /**< opens the bus, starts the cycle, brings it towards OP until another job */
+    RUNNER_OPEN,  /**< opens the bus, starts the cycle, brings it towards OP until the next job */
     RUNNER_LEAVE, /**< brings it to SAFEOP while the cycle continues, at most 2 s */
-    RUNNER_CLOSE, /**< stops the cycle, closes the bus; the core is gone then */
-    RUNNER_REST,  /**< nothing but the cycle touches the bus from now on; describes it */
-    RUNNER_GO_ON  /**< ends the rest */
+    RUNNER_CLOSE, /**< stops the cycle, closes the bus; the core is then freed */
+    RUNNER_REST,  /**< only the cycle accesses the bus from now on; describes it */
+    RUNNER_GO_ON  /**< ends the pause */
 };
 
 /** Result of the last job. */
@@ -25,16 +25,16 @@ struct runner_result {
     enum runner_job done;   /**< RUNNER_IDLE: none since the last call */
     fsn_status status;      /**< of RUNNER_OPEN */
     struct fsn_fault fault; /**< why it was refused */
-    struct fsn_core *core;  /**< there until RUNNER_CLOSE is requested */
-    enum policy policy;     /**< as it came to be */
+    struct fsn_core *core;  /**< valid until RUNNER_CLOSE is requested */
+    enum policy policy;     /**< the policy in use */
     bool locked;            /**< the memory is locked */
-    bool environment;       /**< it was the system that refused, not plan or bus */
-    /** Of RUNNER_OPEN and RUNNER_REST: for a successor; lock -1: the bus cannot be handed over. */
+    bool environment;       /**< the system refused, not plan or bus */
+    /** For RUNNER_OPEN and RUNNER_REST: for a successor; lock -1: the bus cannot be handed over. */
     struct fsn_bus_attachment attachment;
     int room;          /**< descriptor of the memory in which cycles are published; -1: none */
-    size_t room_bytes; /**< of it */
-    /** Of RUNNER_OPEN that took a bus over: from the last cycle of the predecessor to the first
-     * here. */
+    size_t room_bytes; /**< its size */
+    /** For RUNNER_OPEN of a bus that was taken over: from the last cycle of the predecessor to the
+     *  first here. */
     uint64_t gap_ns, gap_cycles;
     /** If the bus did not open: the device found for each SubDevice of the plan, until RUNNER_OPEN
      *  is requested again; NULL: none. */
@@ -50,19 +50,19 @@ struct runner *runner_create(const struct options *options, const struct fsn_pla
 /** Ends the thread; the bus must be closed. NULL is allowed. */
 void runner_free(struct runner *runner);
 
-/** Asks for a job; the one before must have been taken. */
+/** Requests a job; the result of the previous one must have been taken. */
 void runner_ask(struct runner *runner, enum runner_job job);
 
-/** Gives up trying to open again. */
+/** Stops retrying to open. */
 void runner_give_up(struct runner *runner);
 
-/** Takes a job, to be done between two steps of the acyclic work. */
+/** Accepts a job, to be done between two steps of the acyclic work. */
 void runner_submit(struct runner *runner, struct fsn_job *job);
 
 /** Returns a finished job; NULL: none. */
 struct fsn_job *runner_take_job(struct runner *runner);
 
-/** Readable when a result is there, or all SubDevices have reached OP. */
+/** Readable if a result is available, or all SubDevices have reached OP. */
 int runner_fd(const struct runner *runner);
 
 /** Takes the result. */
@@ -71,7 +71,7 @@ void runner_take(struct runner *runner, struct runner_result *result);
 /** Whether it follows the predecessor, as a standby. */
 bool runner_follows(const struct runner *runner);
 
-/** Whether every SubDevice is in OP; of a bus without states at once. */
+/** Whether every SubDevice is in OP; for a bus without states immediately. */
 bool runner_in_op(const struct runner *runner);
 
 #endif

@@ -6,7 +6,7 @@
 #include "fsn/emulated.h"
 #include "fsn/version.h"
 
-/** The emulated bus needs its plan to be made: it is made when it is opened. */
+/** The emulated bus is created from its plan, so it is created when it is opened. */
 struct memory {
     struct fsn_emulated *bus;
 };

@@ -1,4 +1,4 @@
-/** The buses this build can drive. */
+/** The buses supported by this build. */
 #ifndef FSN_APP_BACKENDS_H
 #define FSN_APP_BACKENDS_H
 
@@ -6,10 +6,10 @@
 
 #include "fsn/live.h"
 
-/** Finds a bus by its name.   @retval NULL  this build does not have it. */
+/** Finds a bus by its name.   @retval NULL  not in this build. */
 const struct fsn_backend *backend_find(const char *name);
 
-/** Whether there is a bus of that name in some build. */
+/** Whether any build has a bus with this name. */
 bool backend_is_known(const char *name);
 
 /** Prints version, buses with their terms, and the limits of this program. */

@@ -34,14 +34,14 @@
 #ifdef UNCONFINED
 
 int confine_process(void) {
-    return 0; /* a sanitizer makes system calls of its own */
+    return 0; /* a sanitizer makes its own system calls */
 }
 
 #else
 
-/** Calls with any arguments; those of the cycle first. */
+/** Calls permitted with any arguments; those of the cycle first. */
 static const int allowed[] = {
-    /* The cycle. */
+    /* Cycle. */
     SYS_clock_nanosleep,
     SYS_sendto,
     SYS_recvfrom,
@@ -76,7 +76,7 @@ static const int allowed[] = {
     SYS_exit_group,
     SYS_getrandom,
     SYS_eventfd2,
-    /* Opening the bus, its scheduling. */
+    /* Opening the bus, and its scheduling. */
     SYS_setsockopt,
     SYS_bind,
     SYS_connect,
@@ -92,7 +92,7 @@ static const int allowed[] = {
     SYS_sched_get_priority_max,
     SYS_sched_get_priority_min,
     SYS_prlimit64,
-    /* Another fsn-master of this user, which takes over or is taken over. */
+    /* Another fsn-master of this user, as predecessor or successor. */
     SYS_listen,
     SYS_getsockname,
     SYS_getpeername,
@@ -105,7 +105,7 @@ static const int allowed[] = {
     SYS_pidfd_open,
     SYS_pidfd_send_signal,
 #endif
-    /* Files: incidents, interventions, who a client is. */
+    /* Files: incidents, interventions, identity of clients. */
     SYS_openat,
     SYS_fstat,
     SYS_newfstatat,
@@ -126,7 +126,7 @@ static const int allowed[] = {
     SYS_readlinkat,
     SYS_mkdirat,
     SYS_umask,
-    /* Identity of the process; the end by abort(); dropping capabilities. */
+    /* Identity of the process; abort(); dropping capabilities. */
     SYS_getpid,
     SYS_gettid,
     SYS_getuid,
@@ -169,13 +169,13 @@ enum {
     ABSENT = SECCOMP_RET_ERRNO | ENOSYS,
 };
 
-/** The low half of an argument; both machines are little-endian. */
+/** Loads the low half of an argument; both machines are little-endian. */
 #define LOAD_ARGUMENT(n)                                                                           \
     (struct sock_filter)                                                                           \
         BPF_STMT(BPF_LD | BPF_W | BPF_ABS, (uint32_t)(ARGUMENTS + ARGUMENT_BYTES * (n)))
 #define LOAD(offset) (struct sock_filter) BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offset)
 #define END(verdict) (struct sock_filter) BPF_STMT(BPF_RET | BPF_K, (uint32_t)(verdict))
-/** Goes on with the next step where it is so, else leaves out as many. */
+/** Continues with the next step if the condition holds, otherwise skips `steps`. */
 #define WHERE(how, value, steps)                                                                   \
     (struct sock_filter) BPF_JUMP(BPF_JMP | (how) | BPF_K, (uint32_t)(value), 0, steps)
 
@@ -188,8 +188,8 @@ static void add(struct program *p, struct sock_filter step) {
     p->step[p->count++] = step;
 }
 
-/** A call whose argument decides: where any bit of `bits` is set the first verdict, else the other.
- */
+/** A call that depends on an argument: the first verdict if any bit of `bits` is set, otherwise the
+ *  other. */
 static void decide_by_bits(struct program *p, long call, int argument, uint32_t bits,
                            uint32_t where_set, uint32_t else_verdict) {
     add(p, WHERE(BPF_JEQ, call, 4));
@@ -199,7 +199,7 @@ static void decide_by_bits(struct program *p, long call, int argument, uint32_t 
     add(p, END(else_verdict));
 }
 
-/** A call that one of two values of its first argument allows. */
+/** Allows a call for two values of its first argument. */
 static void allow_values(struct program *p, long call, uint32_t one, uint32_t other) {
     add(p, WHERE(BPF_JEQ, call, 6));
     add(p, LOAD_ARGUMENT(0));
@@ -224,10 +224,10 @@ static void write_program(struct program *p) {
         add(p, WHERE(BPF_JEQ, allowed[i], 1));
         add(p, END(SECCOMP_RET_ALLOW));
     }
-    /* Memory that is never code. */
+    /* Memory must never be executable. */
     decide_by_bits(p, SYS_mmap, 2, PROT_EXEC, ABSENT, SECCOMP_RET_ALLOW);
     decide_by_bits(p, SYS_mprotect, 2, PROT_EXEC, ABSENT, SECCOMP_RET_ALLOW);
-    /* Threads, no processes; clone3() hides its flags, and the C library does without it. */
+    /* Threads, no processes; clone3() hides its flags, and the C library works without it. */
     decide_by_bits(p, SYS_clone, 0, CLONE_THREAD, SECCOMP_RET_ALLOW, ABSENT);
     allow_values(p, SYS_socket, AF_UNIX, AF_PACKET);
     allow_values(p, SYS_prctl, PR_SET_NAME, PR_CAP_AMBIENT);

@@ -1,4 +1,4 @@
-/** Faults in one line for people, with the next step. */
+/** Faults as one line of text, with the next step. */
 #ifndef FSN_APP_EXPLAIN_H
 #define FSN_APP_EXPLAIN_H
 
@@ -11,7 +11,7 @@
 void explain_fault(const struct fsn_fault *fault, const struct fsn_plan *plan, char *room,
                    size_t room_bytes);
 
-/** The same of a bus that does not open; names the processes that hold its interfaces. */
+/** The same for a bus that does not open; also names the processes that hold its interfaces. */
 void explain_bus_fault(const struct fsn_fault *fault, const struct fsn_plan *plan,
                        const struct options *options, char *room, size_t room_bytes);
 

@@ -18,11 +18,11 @@
 
 enum {
     MOST_HOLDERS = 2,  /**< the owner and its successor */
-    UNCONNECTED = 1,   /**< its state; connections to it have its name as well */
+    UNCONNECTED = 1,   /**< its state; connections to it also have its name */
     LINKED_BYTES = 40, /**< "socket:[1234]" */
 };
 
-/** Inode of a socket with a name; 0: there is none. */
+/** Inode of a socket with a name; 0 if there is none. */
 static unsigned long inode_of(const char *expected) {
     FILE *rows = fopen("/proc/net/unix", "re");
     char line[256];
@@ -60,7 +60,7 @@ static bool has_socket(const char *pid, const char *linked) {
     return found;
 }
 
-/** When a process began, monotonic, and whether it is stopped. */
+/** Returns the monotonic start time of a process, and whether it is stopped. */
 static uint64_t read_stat(const char *pid, bool *stopped) {
     char path[64];
     char line[1024] = "";
@@ -73,7 +73,7 @@ static uint64_t read_stat(const char *pid, bool *stopped) {
         (void)fread(line, 1, sizeof line - 1, file);
         fclose(file);
     }
-    const char *after = strrchr(line, ')'); /* the name before may hold anything */
+    const char *after = strrchr(line, ')'); /* the preceding name may contain any characters */
     if (after != NULL) {
         (void)sscanf(after + 1,
                      " %c %*s %*s %*s %*s %*s %*s %*s %*s %*s %*s %*s %*s %*s %*s %*s %*s %*s %*s "

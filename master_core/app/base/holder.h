@@ -10,7 +10,7 @@ enum { HOLDER_TEXT_BYTES = 480 };
  * step.
  *  @param[in] name   of the socket as in /proc/net/unix: "@fsn-maindevice:eth1", or an absolute
  * path.
- *  @param[out] room  empty: nothing holds it.   @return room.
+ *  @param[out] room  empty if nothing holds it.   @return room.
  *  Context: reads /proc; not in the cyclic thread. */
 const char *holder_text(const char *name, char room[HOLDER_TEXT_BYTES]);
 

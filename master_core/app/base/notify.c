@@ -35,7 +35,7 @@ void notify_begin(void) {
 }
 
 void notify(const char *lines) {
-    /* A manager that does not listen does not prevent a start. */
+    /* A manager that does not listen does not prevent the start. */
     if (fd >= 0 && sendto(fd, lines, strlen(lines), MSG_NOSIGNAL | MSG_DONTWAIT,
                           (const struct sockaddr *)&address, address_bytes) < 0) {
         return;

@@ -10,7 +10,7 @@ void notify_begin(void);
 /** Sends lines such as "READY=1\nSTATUS=…". */
 void notify(const char *lines);
 
-/** Half the time after which the manager takes this for dead; 0: it does not watch. */
+/** Half the time after which the manager considers this process dead; 0: it does not monitor. */
 uint64_t notify_watchdog_ns(void);
 
 #endif

@@ -80,7 +80,7 @@ int options_wrong(const char *option, const char *value, const char *text) {
     return EXIT_USAGE;
 }
 
-/** Reads a time with its unit; a bare number is `bare_ns` each, 0 refuses it. */
+/** Reads a time with its unit; a bare number counts in `bare_ns`, and is rejected if that is 0. */
 static bool read_time(const char *text, uint64_t bare_ns, uint64_t *time_ns) {
     static const struct {
         const char *unit;
@@ -216,7 +216,7 @@ enum option_id {
     TRACE,
     SCAN,
     VERSION,
-    HELP, /* the last one: take_plain counts on it */
+    HELP, /* the last one, as take_plain relies on it */
 };
 
 static int take_number(int id, const char *text, struct options *o) {
@@ -244,7 +244,7 @@ static int take_number(int id, const char *text, struct options *o) {
     }
 }
 
-/** Distributed clocks. */
+/** Options of distributed clocks. */
 static int take_dc(int id, const char *text, struct options *o) {
     long number = 0;
     int code;
@@ -300,7 +300,7 @@ static int take_time(int id, const char *text, struct options *o) {
     }
 }
 
-/** Options whose text is kept unchanged, and those without one. */
+/** Options whose text is stored unchanged, and those without one. */
 static bool take_plain(int id, const char *text, struct options *o) {
     const char **const texts[HELP] = {
         [REDUNDANT] = &o->redundant,
@@ -355,7 +355,7 @@ static int take(int id, const char *text, struct options *o) {
     }
 }
 
-/** A bus that this build does not have is refused later, by its name. */
+/** A bus that this build does not have is rejected later, by its name. */
 static int check_bus(const struct options *o) {
     const struct fsn_backend *bus = backend_find(o->bus);
     if (o->interface == NULL && (bus == NULL || bus->needs_interface)) {
@@ -403,7 +403,7 @@ static int check_interventions(const struct options *o) {
                : options_wrong("--intervention-log-file", NULL, "goes with --intervention-log DIR");
 }
 
-/** A scan reads one bus, with any SubDevices. */
+/** A scan reads a single bus, with any SubDevices. */
 static int check_scan(const struct options *o) {
     if (!o->scan) {
         return -1;
@@ -482,7 +482,7 @@ int options_read(int argc, char **argv, struct options *o) {
         {NULL, 0, NULL, 0},
     };
     int id;
-    o->bus = "soem"; /* the one that needs no kernel module */
+    o->bus = "soem"; /* needs no kernel module */
     o->record_ns = 10000000000u;
     o->interventions_mib = INTERVENTIONS_MIB;
     while ((id = getopt_long(argc, argv, "", table, NULL)) != -1) {

@@ -19,29 +19,29 @@ enum policy { POLICY_FIFO, POLICY_DEADLINE, POLICY_OTHER };
 
 struct options {
     const char *plan_file, *bus, *interface, *redundant, *socket, *accepted, *incidents;
-    const char *acceptance, *signers, *revoked; /**< files of who accepted the plan; or NULL */
-    const char *acceptance_said;                /**< output of their check; NULL: not yet */
+    const char *acceptance, *signers, *revoked; /**< acceptance record and its signers; or NULL */
+    const char *acceptance_said;                /**< output of their check; NULL: not yet checked */
     const char *interventions;                  /**< folder of the intervention log; or NULL */
     const char *interfaces[MOST_BUSES];         /**< as given; `interface` is the first */
     size_t interface_count;
-    const char *const *bus_interfaces; /**< of each bus of the plan; NULL where it has one */
-    uint64_t cycle_ns;                 /**< 0: the plan's */
-    uint64_t run_ns;                   /**< 0: until it is stopped */
-    uint64_t record_ns;                /**< for how long cycles are kept; 0: not at all */
-    uint64_t wait_ns;                  /**< how long to try again while SubDevices are missing */
+    const char *const *bus_interfaces; /**< of each bus of the plan; NULL if it has only one */
+    uint64_t cycle_ns;                 /**< 0: that of the plan */
+    uint64_t run_ns;                   /**< 0: until stopped */
+    uint64_t record_ns;                /**< duration of recorded cycles; 0: none */
+    uint64_t wait_ns;                  /**< how long to retry while SubDevices are missing */
     enum policy policy;
-    bool policy_given;      /**< the program must not continue without it */
+    bool policy_given;      /**< the program must not start without it */
     int priority;           /**< 1 … 99, of fifo */
     int cpu;                /**< CPU number + 1; 0: any */
-    uint32_t dc_every;      /**< 0: as the plan needs it */
+    uint32_t dc_every;      /**< 0: as required by the plan */
     bool dc_host;           /**< this machine sets the clocks of the bus */
     uint64_t dc_shift_ns;   /**< required lead of frames before SYNC0; 0: half a cycle */
     uint64_t dc_window_ns;  /**< permitted difference of clocks; 0: 1000 ns */
-    long incidents_mib;     /**< most MiB of incident files; 0: the default */
+    long incidents_mib;     /**< maximum MiB of incident files; 0: the default */
     long interventions_mib; /**< of a file of the intervention log */
     bool free_run, trace, log_json;
-    bool require_observed; /**< other parameters on the bus than in the plan are an alarm */
-    bool standby;          /**< follows another process, and takes over when that one stops */
+    bool require_observed; /**< parameters on the bus that differ from the plan are an alarm */
+    bool standby;          /**< follows another process, and takes over when it stops */
     bool take_over;        /**< the bus of another process, without leaving OP */
     bool confine;          /**< drops unneeded privileges while it runs; set by main() */
     bool scan;             /**< scans the bus and ends, without a plan */
@@ -49,7 +49,7 @@ struct options {
 };
 
 /** Reads the command line.
- *  @return -1 to continue, else the exit code, with the error printed. */
+ *  @return -1 to continue, otherwise the exit code, with the error printed. */
 int options_read(int argc, char **argv, struct options *options);
 
 /** Priority of the cyclic threads; 0: normal scheduling. */

@@ -1,4 +1,4 @@
-/** The scheduler of the cyclic thread, where the core does not set it itself. */
+/** Scheduling of the cyclic thread that the core does not set itself. */
 #ifndef FSN_APP_SCHEDULE_H
 #define FSN_APP_SCHEDULE_H
 
@@ -8,7 +8,7 @@
 
 enum { SCHEDULE_THREADS = 256 };
 
-/** Threads of this process.   @return how many; at most SCHEDULE_THREADS. */
+/** Threads of this process.   @return their number; at most SCHEDULE_THREADS. */
 size_t schedule_threads(pid_t threads[SCHEDULE_THREADS]);
 
 /** The thread that is in `after` and not in `before`; 0 unless there is exactly one. */

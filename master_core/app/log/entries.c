@@ -33,7 +33,7 @@ static void end(struct fsn_json *json, const char *level, const char *text) {
     fsn_json_free(json);
 }
 
-/** SHA-256 of the file of this program; empty when it cannot be read. */
+/** SHA-256 of the file of this program; empty if it cannot be read. */
 static void hash_program(char hash[2 * FSN_SHA256_BYTES + 1]) {
     struct fsn_sha256_run run;
     uint8_t digest[FSN_SHA256_BYTES];

@@ -1,4 +1,4 @@
-/** Entries of the intervention log about a start: which program, with which options, which plan. */
+/** Entries of the intervention log about a start: program, options, plan. */
 #ifndef FSN_APP_ENTRIES_H
 #define FSN_APP_ENTRIES_H
 

@@ -19,10 +19,10 @@
 #include "plan/plan_internal.h"
 
 enum {
-    TAIL_BYTES = 4 * INTERVENTION_LINE_BYTES, /**< of a file, looked through for its last entry */
+    TAIL_BYTES = 4 * INTERVENTION_LINE_BYTES, /**< of a file, searched for its last entry */
     OWN_BYTES = 1024,                         /**< of an entry about the log itself */
-    MOST_BACK = 1000, /**< files that are looked through for the last entry */
-    COUNT_MS = 100,   /**< between two counts of the files in a folder that has no room */
+    MOST_BACK = 1000,                         /**< files searched for the last entry */
+    COUNT_MS = 100, /**< between two counts of the files in a folder without room */
     LOG_VERSION = 1,
     MODE = 0640,
 };
@@ -32,13 +32,13 @@ static const char begin_text[] = "{\"number\":";
 static const char hash_text[] = ",\"previous\":";
 static const char stop_text[] = ",\"event\":\"stop\",";
 
-/** End of a file on the disk. */
+/** End of a file on disk. */
 struct tail {
     uint64_t number; /**< of its last whole entry; 0: none found */
     bool stopped;
     char hash[2 * FSN_SHA256_BYTES + 1];
     char *bytes;          /**< owned */
-    size_t len_bytes, at; /**< the bytes at `at` belong to no whole entry */
+    size_t len_bytes, at; /**< the bytes at `at` belong to no complete entry */
     bool whole_file;      /**< the file is not longer than `bytes` */
 };
 
@@ -99,7 +99,7 @@ static int last_file(const struct intervention_files *files, uint32_t *last, uin
     return 0;
 }
 
-/** Whether a line, without its newline, is an entry as this program writes them. */
+/** Whether a line, without its newline, is an entry in the form that this program writes. */
 static bool read_entry(const char *line, size_t len, struct tail *tail) {
     const size_t begin = sizeof begin_text - 1;
     char *end = NULL;
@@ -120,7 +120,7 @@ static bool read_entry(const char *line, size_t len, struct tail *tail) {
     return true;
 }
 
-/** Finds the last whole entry in the bytes that were read. */
+/** Finds the last complete entry in the bytes that were read. */
 static void find_entry(struct tail *tail) {
     size_t end = tail->len_bytes;
     tail->at = 0;
@@ -164,7 +164,7 @@ static int read_tail(int fd, uint64_t file_bytes, struct tail *tail) {
     return 0;
 }
 
-/** Opens one of the files, nothing but a regular one.   @return 0, or errno. */
+/** Opens one of the files; it must be a regular file.   @return 0, or errno. */
 static int open_file(const struct intervention_files *files, uint32_t file, int flags, int *fd,
                      struct stat *found) {
     char name[INTERVENTION_NAME_BYTES];
@@ -202,7 +202,7 @@ static int write_all(struct intervention_files *files, const char *bytes, size_t
     return 0;
 }
 
-/** Writes an entry where the file is.   @param json  an object that is not empty. */
+/** Writes an entry at the end of the file.   @param json  a non-empty object. */
 static int append(struct intervention_files *files, const char *json, size_t json_bytes) {
     char *line = malloc(json_bytes + 160);
     if (line == NULL) {
@@ -244,7 +244,7 @@ static int append_own(struct intervention_files *files, struct fsn_json *json, c
     return error;
 }
 
-/** First entry of a file: names the entry it continues from. */
+/** First entry of a file: contains the entry that it continues from. */
 static int append_begin(struct intervention_files *files, uint32_t before) {
     struct fsn_json json = {.limit_bytes = OWN_BYTES};
     char name[INTERVENTION_NAME_BYTES];
@@ -263,7 +263,7 @@ static int append_begin(struct intervention_files *files, uint32_t before) {
     return append_own(files, &json, "info", text);
 }
 
-/** Entry for bytes that are not a whole entry, as found in the file. */
+/** Entry about bytes in the file that are not a complete entry. */
 static int append_torn(struct intervention_files *files, const struct tail *tail, bool marked) {
     struct fsn_json json = {.limit_bytes = OWN_BYTES};
     struct fsn_sha256_run run;
@@ -295,13 +295,13 @@ static int begin_file(struct intervention_files *files, uint32_t file, uint32_t 
     files->bytes = 0;
     files->device = found.st_dev;
     files->inode = found.st_ino;
-    (void)fsync(files->folder); /* best effort: not every file system can */
+    (void)fsync(files->folder); /* best effort: not supported by every file system */
     const int begun = append_begin(files, before);
     files->stopped = stopped;
     return begun;
 }
 
-/** The chain continues from the end of a file, unless it is known already. */
+/** The chain continues from the end of a file, unless it is already known. */
 static void take_end(struct intervention_files *files, const struct tail *tail) {
     if (!files->known) {
         files->number = tail->number;
@@ -363,7 +363,7 @@ static int go_on(struct intervention_files *files, const struct tail *tail) {
     return error;
 }
 
-/** Takes the file that is written out of those that were counted. */
+/** Removes the current file from the count of the others. */
 static void leave_out_own(struct intervention_files *files) {
     files->other_bytes -= files->other_bytes < files->bytes ? files->other_bytes : files->bytes;
 }
@@ -376,13 +376,13 @@ static int find_end(struct intervention_files *files) {
     struct stat found = {.st_size = 0};
     int error = last_file(files, &last, &files->other_bytes);
     if (error != 0 || last == 0 || (files->known && last < files->file)) {
-        /* The first one, or the one that was written is no longer there. */
+        /* The first file, or the current file is missing. */
         return error != 0 ? error : begin_file(files, files->file + 1, files->file);
     }
     error = open_file(files, last, O_RDWR | O_APPEND, &files->fd, &found);
     error = error != 0 ? error : read_tail(files->fd, (uint64_t)found.st_size, &tail);
     if (error == 0 && tail.number == 0 && !tail.whole_file) {
-        /* Long, without any entry of ours: it stays unchanged, and the next one begins. */
+        /* Too long, without any entry: it stays unchanged, and the next file begins. */
         close_file(files);
         error = find_before(files, last, &before);
         error = error != 0 ? error : begin_file(files, last + 1, before);
@@ -398,7 +398,7 @@ static int find_end(struct intervention_files *files) {
     return error;
 }
 
-/** Whether the file that is written still has its name in the folder. */
+/** Whether the current file still has its name in the folder. */
 static bool is_there(const struct intervention_files *files) {
     struct stat found = {.st_size = 0};
     char name[INTERVENTION_NAME_BYTES];

@@ -17,12 +17,12 @@
 
 enum {
     MOST_ENTRY = INTERVENTION_LINE_BYTES - 256, /**< number and hash are added */
-    SYNC_ENTRIES = 64,       /**< written at most before they must be on the disk */
-    AGAIN_MS = 200,          /**< between two tries while the disk takes nothing */
+    SYNC_ENTRIES = 64,       /**< maximum entries before they must be on the disk */
+    AGAIN_MS = 200,          /**< between two attempts while the disk accepts nothing */
     STACK_BYTES = 256 << 10, /**< locked memory is accounted: keep it small */
 };
 
-/** Quarters of queue and disk that entries on the account of a role may fill. */
+/** Quarters of queue and disk that the entries of a role may fill. */
 static const unsigned quarters_of[FSN_ROLES] = {
     [FSN_NO_ROLE] = 2, [FSN_OBSERVER] = 2, [FSN_OPERATOR] = 3, [FSN_MAINTAINER] = 4};
 
@@ -36,14 +36,14 @@ struct entry {
 struct interventions {
     struct intervention_files files; /**< of the thread */
     pthread_t thread;
-    pthread_mutex_t lock; /**< of all below; held only for operations that do not wait */
+    pthread_mutex_t lock; /**< guards all below; held only for operations that do not wait */
     pthread_cond_t changed;
     struct entry *first, *last;
     uint64_t waiting, waiting_bytes;
     uint64_t lost, lost_reported;
-    uint64_t lost_acts; /**< of those, on the account of operators and maintainers */
+    uint64_t lost_acts; /**< of these, those of operators and maintainers */
     char lost_from[32], lost_until[32];
-    int error;      /**< of the last try; 0: it was written */
+    int error;      /**< of the last attempt; 0: successful */
     bool limited;   /**< the quarters of an observer are full */
     uint64_t bytes; /**< of all files */
     bool ending, ended;
@@ -67,7 +67,8 @@ const char *interventions_error(int error) {
     }
 }
 
-/** A disk may be full, read-only or broken for a while; the bus need not wait for it. */
+/** Whether the disk may be full, read-only or defective for some time; the bus does not wait for
+ *  it. */
 static bool may_pass(int error) {
     return error == INTERVENTION_FULL || error == ENOSPC || error == EDQUOT || error == EFBIG ||
            error == EROFS || error == EIO;
@@ -136,8 +137,7 @@ void interventions_put(struct interventions *log, enum fsn_role account, const c
 void interventions_put_event(struct interventions *log, enum fsn_role account, const char *json,
                              size_t len_bytes) {
     /* Routine events of cycles and cables are not interventions: they are in the journal and in
-     *  incidents.
-     */
+     * incidents. */
     static const char *const kinds[] = {
         "state",   "parameters", "arm",         "edge",    "taken",    "fallback",     "dropped",
         "request", "written",    "turned_away", "foreign", "incident", "interventions"};
@@ -156,8 +156,8 @@ void interventions_put_event(struct interventions *log, enum fsn_role account, c
 /* -- the thread ----------------------------------------------------------------------------- */
 
 /** Whether the entry about lost entries is due: when the queue is empty. While the files are
- *  limited it is written only before an entry of a maintainer, so that lost entries do not use up
- *  the reserve. */
+ *  limited it is written only before an entry of a maintainer, so that reports about lost entries
+ *  do not use up the reserve. */
 static bool is_lost_due(const struct interventions *log) {
     const bool ours = log->first != NULL && log->first->account == FSN_MAINTAINER;
     return log->lost != log->lost_reported &&
@@ -194,12 +194,12 @@ static size_t lost_entry(const struct interventions *log, char *json, size_t roo
         (unsigned long long)log->lost_acts);
 }
 
-/** Whether an observer has no room left. Without the lock: it reads the folder. */
+/** Whether an observer has no room left. Called without the lock, because it reads the folder. */
 static bool is_limited(struct interventions *log) {
     return !intervention_files_have_room(&log->files, quarters_of[FSN_OBSERVER], 0);
 }
 
-/** Copies the state of the files for other threads. Holds the lock. */
+/** Copies the state of the files for other threads. The caller holds the lock. */
 static void show_files(struct interventions *log, bool limited) {
     log->entry = log->files.number;
     memcpy(log->hash, log->files.hash, sizeof log->hash);
@@ -238,7 +238,7 @@ static int append_next(struct interventions *log, const struct next *next, unsig
     return intervention_files_sync(&log->files);
 }
 
-/** Writes the next entry without the lock, and takes it off the queue when it is written. */
+/** Writes the next entry without the lock, and removes it from the queue when it is written. */
 static void write_next(struct interventions *log, unsigned *unsynced) {
     char about_lost[400];
     struct entry *entry = is_lost_due(log) ? NULL : log->first;
@@ -273,7 +273,8 @@ static void write_next(struct interventions *log, unsigned *unsynced) {
     }
 }
 
-/** Tries the disk again after an error or without room, with an empty queue. Holds the lock. */
+/** Tries the disk again after an error or without room, with an empty queue. The caller holds the
+ *  lock. */
 static void try_again(struct interventions *log) {
     pthread_mutex_unlock(&log->lock);
     int error = intervention_files_open(&log->files);
@@ -287,7 +288,7 @@ static void try_again(struct interventions *log) {
 static void *run(void *context) {
     struct interventions *log = context;
     unsigned unsynced = 0;
-    (void)confine_thread(); /* with them it writes as well */
+    (void)confine_thread(); /* if this fails, it also writes with them */
     pthread_mutex_lock(&log->lock);
     for (;;) {
         wait_for_work(log);
@@ -308,7 +309,7 @@ static void *run(void *context) {
     return NULL;
 }
 
-/** Starts the thread with all signals blocked: they are for the program. */
+/** Starts the thread with all signals blocked, because the program handles them. */
 static int start_thread(struct interventions *log) {
     sigset_t all;
     sigset_t before;
@@ -418,7 +419,7 @@ uint64_t interventions_close(struct interventions *log, int wait_ms) {
         pthread_join(log->thread, NULL);
         discard(log);
     } else {
-        pthread_detach(log->thread); /* a disk holds it up: it goes with the process */
+        pthread_detach(log->thread); /* blocked by a disk: it ends with the process */
     }
     return left;
 }

@@ -1,6 +1,6 @@
 /** The intervention log: start, stop, arming, writes and other changes, with person and time.
  *
- *  Threads put entries into a bounded queue and continue; a thread of its own writes them, since a
+ *  Threads put entries into a bounded queue and continue; a separate thread writes them, because a
  *  disk may be slow, full or missing. Entries that find the queue full are counted, and the count
  *  is written.
  */
@@ -18,7 +18,7 @@ enum {
 };
 
 /** Opens the log and starts its thread. A full, read-only or defective disk is not an error:
- *  entries wait until it takes them.
+ *  entries wait until it accepts them.
  *  @param[in] most_bytes  of a file, before the next one begins.
  *  @retval FSN_E_SYS    not a writable folder, or a file in it is not a log.
  *  @retval FSN_E_STATE  another program writes there.   @retval FSN_E_NOMEM  out of memory. */
@@ -27,17 +27,16 @@ fsn_status interventions_open(const char *folder, uint64_t most_bytes, struct in
 
 /** Adds an entry: an event as JSON object with "event" as its first key. A maintainer, and the
  *  program itself, may fill all of queue and disk, an operator three quarters of them, and all
- *  other entries half: entries of a role are never lost because of lower ones.
- *  Context: any thread but the cyclic one; waits for no disk. */
+ *  other entries half: entries of a role are never lost because of lower roles. Context: any thread
+ *  but the cyclic one; waits for no disk. */
 void interventions_put(struct interventions *log, enum fsn_role account, const char *json,
                        size_t len_bytes);
 
-/** Adds an event if it is of a kind that belongs in the log; `log` may be NULL. Context: as above.
- */
+/** Adds an event if its kind belongs in the log; `log` may be NULL. Context: as above. */
 void interventions_put_event(struct interventions *log, enum fsn_role account, const char *json,
                              size_t len_bytes);
 
-/** How it is now; strings live until the next call. Context: one thread. */
+/** Current state; strings are valid until the next call. Context: one thread. */
 void interventions_state(struct interventions *log, struct fsn_interventions *state);
 
 /** Writes the waiting entries, for at most `wait_ms`, and ends. NULL is allowed.

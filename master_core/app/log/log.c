@@ -44,15 +44,15 @@ static struct {
     pthread_mutex_t lock; /**< held only for operations that do not wait */
     bool known;
     bool socket; /**< send() leaves the waiting to us */
-    bool polled; /**< nothing else shows whether it would block: polled before each piece */
+    bool polled; /**< polled before each piece, because nothing else shows whether it would block */
     int fd;
-    char *rest; /**< of a line that was taken in part, or NULL */
+    char *rest; /**< of a partly written line, or NULL */
     size_t rest_bytes, rest_at;
-    unsigned long lost; /**< lines since the last one that was taken */
+    unsigned long lost; /**< number of lines since the last written one */
 } out = {.lock = PTHREAD_MUTEX_INITIALIZER};
 
-/** Standard error may be shared with other programs, which expect it to block: the non-blocking one
- *  is an open file description of our own. */
+/** Standard error may be shared with other programs, which expect it to block. Therefore a separate
+ *  open file description is used for non-blocking writes. */
 static void find_out(void) {
     struct stat found;
     out.known = true;
@@ -94,7 +94,7 @@ static size_t write_all(const char *bytes, size_t len) {
     return done;
 }
 
-/** Writes the rest of a line first; false while some of it is left. */
+/** Writes the rest of a line first; false if some of it is left. */
 static bool finish_rest(void) {
     if (out.rest == NULL) {
         return true;
@@ -108,14 +108,15 @@ static bool finish_rest(void) {
     return true;
 }
 
-/** Writes a line, and keeps the rest that is not accepted at once; false if nothing was written. */
+/** Writes a line, and stores the rest that is not accepted immediately; false if nothing was
+ *  written. */
 static bool put_whole(const char *line, size_t len) {
     const size_t done = finish_rest() ? write_all(line, len) : 0;
     if (done == 0) {
         return false;
     }
     if (done < len) {
-        out.rest = malloc(len - done); /* without memory the line stays unchanged */
+        out.rest = malloc(len - done); /* without memory, the line stays incomplete */
         out.rest_bytes = out.rest != NULL ? len - done : 0;
         out.rest_at = 0;
         if (out.rest != NULL) {
@@ -138,8 +139,8 @@ static size_t lost_line(char *line, size_t room) {
     return (size_t)len;
 }
 
-/** One line, so that those of two threads do not mix. Bytes that are not accepted at once are lost
- *  and reported later: a stalled reader must not stall leases. */
+/** Writes one line, so that lines of two threads do not mix. Bytes that are not accepted
+ *  immediately are lost and reported later: a stalled reader must not stall leases. */
 static void put(const char *line, size_t len) {
     pthread_mutex_lock(&out.lock);
     if (!out.known) {
@@ -166,7 +167,7 @@ static void put_text(enum fsn_log_level level, const char *text) {
 
 static void put_json(struct fsn_json *json) {
     fsn_json_end(json);
-    /* Without memory for it, it is lost as well. */
+    /* Without memory, it is also lost. */
     put(json->bytes, json->failed != FSN_OK ? 0 : json->len_bytes);
 }
 

@@ -21,7 +21,7 @@ bool handover_send(int fd, const void *message, size_t len_bytes, const int *fds
     if (fd_count > 0) {
         header.msg_control = control.bytes;
         header.msg_controllen = CMSG_SPACE(fd_count * sizeof(int));
-        struct cmsghdr *c = &control.align; /* the first, and the only one */
+        struct cmsghdr *c = &control.align; /* the first and only one */
         c->cmsg_level = SOL_SOCKET;
         c->cmsg_type = SCM_RIGHTS;
         c->cmsg_len = CMSG_LEN(fd_count * sizeof(int));
@@ -59,7 +59,7 @@ int handover_receive(int fd, void *message, size_t len_bytes, int *fds) {
         fds[i] = -1;
     }
     ssize_t got = recvmsg(fd, &header, MSG_DONTWAIT | MSG_CMSG_CLOEXEC);
-    if (got < 0 && errno == ECONNRESET) { /* precedes the last message of the other end */
+    if (got < 0 && errno == ECONNRESET) { /* this precedes the last message of the other end */
         got = recvmsg(fd, &header, MSG_DONTWAIT | MSG_CMSG_CLOEXEC);
     }
     if (got < 0) {
@@ -79,7 +79,7 @@ int handover_pidfd(int fd, pid_t *pid, uid_t *uid) {
     }
     *pid = peer.pid;
     *uid = peer.uid;
-    if (peer.pid <= 0) { /* of another PID namespace */
+    if (peer.pid <= 0) { /* in another PID namespace */
         errno = ESRCH;
         return -1;
     }

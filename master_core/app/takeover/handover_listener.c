@@ -18,8 +18,8 @@
 #include "fsn/version.h"
 
 static const uint64_t rest_ns =
-    10000000000u; /**< how long the acyclic work rests for a successor */
-static const uint64_t again_ns = 1000000000u; /**< between two lines about users that may not */
+    10000000000u; /**< how long the acyclic work pauses for a successor */
+static const uint64_t again_ns = 1000000000u; /**< between two lines about rejected users */
 
 static void close_fd(int *fd) {
     if (*fd >= 0) {
@@ -83,7 +83,7 @@ __attribute__((format(printf, 3, 4))) static void refuse(int peer, bool again, c
     va_start(arguments, format);
     vsnprintf(answer.text, sizeof answer.text, format, arguments);
     va_end(arguments);
-    if (!again) { /* who tries again would fill the log */
+    if (!again) { /* repeated attempts would fill the log */
         log_line(FSN_LOG_WARNING, "a process that would take the bus over was refused: %s",
                  answer.text);
     }
@@ -92,7 +92,7 @@ __attribute__((format(printf, 3, 4))) static void refuse(int peer, bool again, c
 
 static const char not_ready[] = "not every SubDevice is in OP; try again when the bus is ready";
 
-/** Why a process with this request cannot follow; NULL: it can. */
+/** Why a process with this request cannot follow; NULL if it can. */
 static const char *obstacle(const struct handover_hello *hello,
                             const struct handover_listener_facts *facts) {
     uint8_t plan[FSN_SHA256_BYTES];
@@ -112,7 +112,7 @@ static const char *obstacle(const struct handover_hello *hello,
     return facts->in_op ? NULL : not_ready;
 }
 
-/** Lets one in at a time. */
+/** Accepts one connection at a time. */
 static void let_in(struct handover_listener *handover_listener) {
     uid_t uid = 0;
     pid_t pid = 0;
@@ -134,7 +134,7 @@ static void let_in(struct handover_listener *handover_listener) {
         refuse(peer,
                handover_listener->away_ns != 0 && now_ns - handover_listener->away_ns < again_ns,
                "process %d: it must be of the same user or root, and visible from here", (int)pid);
-        /* Refusals of one kind are logged once in a while: anyone may connect. */
+        /* Refusals of one kind are logged at intervals, because anyone may connect. */
         handover_listener->away_ns =
             handover_listener->away_ns == 0 || now_ns - handover_listener->away_ns >= again_ns
                 ? now_ns
@@ -216,7 +216,7 @@ enum handover_listener_event handover_listener_serve(struct handover_listener *h
     if (handover_listener->state == HANDOVER_LISTENER_GIVEN &&
         fsn_now_ns() - handover_listener->given_ns > rest_ns) {
         return leave(
-            handover_listener); /* lost SubDevices do not come back while the acyclic work rests */
+            handover_listener); /* lost SubDevices cannot return while the acyclic work pauses */
     }
     if (handover_listener->peer >= 0 && fds[1].fd == handover_listener->peer &&
         fds[1].revents != 0) {
@@ -229,7 +229,7 @@ enum handover_listener_event handover_listener_serve(struct handover_listener *h
     return event;
 }
 
-/** Puts bytes where another process can read them; -1: the system refused. */
+/** Puts bytes into memory that another process can read; -1: the system refused. */
 static int shared(const void *bytes, size_t len_bytes) {
     const int fd = memfd_create("fsn-attachment", MFD_CLOEXEC);
     if (fd >= 0 && write(fd, bytes, len_bytes) != (ssize_t)len_bytes) {
@@ -242,7 +242,7 @@ static int shared(const void *bytes, size_t len_bytes) {
 enum handover_listener_event handover_listener_give(struct handover_listener *handover_listener,
                                                     const struct handover_listener_gift *gift) {
     if (handover_listener->state != HANDOVER_LISTENER_RESTS) {
-        return HANDOVER_LISTENER_GO_ON; /* it has gone meanwhile */
+        return HANDOVER_LISTENER_GO_ON; /* it has disconnected in the meantime */
     }
     struct handover_answer answer = {.format = HANDOVER_FORMAT,
                                      .taken = 1,
@@ -261,7 +261,7 @@ enum handover_listener_event handover_listener_give(struct handover_listener *ha
         close_fd(&fds[HANDOVER_SELF]);
         return leave(handover_listener);
     }
-    /* From here on it counts as the successor, however the sending ends. */
+    /* From here on it counts as the successor, whether or not the sending succeeds. */
     handover_listener->successor = handover_listener->pidfd;
     handover_listener->pidfd = -1;
     handover_listener->state = HANDOVER_LISTENER_GIVEN;

@@ -23,13 +23,13 @@
 #include "plan/plan_internal.h"
 
 enum {
-    ANSWER_MS = 5000, /**< an SDO that is under way is finished first */
+    ANSWER_MS = 5000, /**< an SDO in progress is completed first */
     END_MS = 5000,    /**< for the disk of its intervention log; its cycle continues meanwhile */
-    STILL_MS = 20,    /**< without a cycle: it is frozen, or gone */
-    EXIT_MS = 20,     /**< from its last cycle to its end, unless it is killed */
-    AGAIN_MS = 200,   /**< between two tries of a standby */
+    STILL_MS = 20,    /**< without a cycle: it is frozen, or has ended */
+    EXIT_MS = 20,     /**< from its last cycle to its end; then it is killed */
+    AGAIN_MS = 200,   /**< between two attempts of a standby */
     LEAST_STEP_NS = 250000,
-    KILLED_MS = 5000, /**< for the kernel to end it */
+    KILLED_MS = 5000, /**< time for the kernel to end it */
 };
 
 static void close_fd(int *fd) {
@@ -57,7 +57,8 @@ void predecessor_release(struct predecessor *predecessor) {
     close_fd(&predecessor->fd);
 }
 
-/** Maps a received file, if it has the stated length; NULL: it has not, or a system call failed. */
+/** Maps a received file if it has the stated length; NULL if it has not, or a system call
+ *  failed. */
 static void *map(int *fd, uint64_t len_bytes) {
     struct stat found;
     void *bytes = MAP_FAILED;
@@ -86,7 +87,7 @@ static bool take_answer(struct predecessor *predecessor, const struct handover_a
            predecessor->attachment.bytes != NULL;
 }
 
-/** Waits for a message; false when its time is over. */
+/** Waits for a message; false on a timeout. */
 static bool wait_for(int fd, int wait_ms) {
     struct pollfd polled = {.fd = fd, .events = POLLIN};
     return poll(&polled, 1, wait_ms) == 1;
@@ -127,7 +128,7 @@ static int request(struct predecessor *predecessor, const struct options *o,
     predecessor->again = answer.taken == 0 && answer.again != 0;
     if (predecessor->again && o->standby) {
         predecessor_release(predecessor);
-        return EXIT_REFUSED; /* and tries again, without a line each time */
+        return EXIT_REFUSED; /* retries, without a line each time */
     }
     if (answer.taken == 0) {
         return refuse(predecessor, answer.text);
@@ -188,16 +189,18 @@ static bool hear(struct predecessor *predecessor, bool *held) {
         *held = word == HANDOVER_HOLD;
         log_line(FSN_LOG_WARNING, *held ? "maintenance: takes nothing over" : "follows again");
     }
-    /* A connection that is lost without a word is that of a process at its end. */
+    /* A connection that closes without a message belongs to a process that is ending. */
     return !(got == 1 && word == HANDOVER_LEAVES) &&
            (got >= 0 || handover_has_ended(predecessor->pidfd, KILLED_MS));
 }
 
 fsn_status predecessor_follow(struct predecessor *predecessor, uint64_t cycle_ns,
                               bool (*turn)(void *self), void *self, struct fsn_fault *fault) {
-    /* At most half a cycle, so that no cycle is missed; not less, as that costs processor time. */
+    /* At most half a cycle, so that no cycle is missed; not less, because that costs processor
+     * time. */
     const uint64_t step_ns = cycle_ns / 2 > LEAST_STEP_NS ? cycle_ns / 2 : LEAST_STEP_NS;
-    /* In cycles and in time: a fast bus needs room for the scheduler, a slow one for its cycle. */
+    /* In cycles and in time: a fast bus needs a margin for the scheduler, a slow one for its
+     * cycle. */
     const uint64_t cycles_ns = PREDECESSOR_STILL_CYCLES * cycle_ns;
     const uint64_t least_ns = PREDECESSOR_STILL_MS * UINT64_C(1000000);
     const uint64_t threshold_ns = cycles_ns > least_ns ? cycles_ns : least_ns;
@@ -221,7 +224,7 @@ fsn_status predecessor_follow(struct predecessor *predecessor, uint64_t cycle_ns
         if (ended && held) {
             break;
         }
-        /* A late wake-up means that this machine stood still, and counts as one step. */
+        /* A late wake-up means that this machine was stalled, and counts as one step. */
         const uint64_t waited_ns = fsn_now_ns() - slept_ns;
         const uint32_t now = fsn_room_pictures(predecessor->room);
         still_ns = now != pictures || held
@@ -258,8 +261,7 @@ static fsn_status wait_for_its_word(const struct predecessor *predecessor) {
         if (got == 1 && word == HANDOVER_ENDS) {
             return FSN_OK;
         }
-        if (got < 0) { /* it has shut the handover_listener, and closes the bus, unless it is at its
-                          end */
+        if (got < 0) { /* it has closed the listener, and closes the bus, unless it is ending */
             return handover_has_ended(predecessor->pidfd, EXIT_MS) ? FSN_OK : FSN_E_BUS_BUSY;
         }
         if (fsn_room_pictures(predecessor->room) != pictures) {
@@ -275,8 +277,8 @@ static fsn_status wait_for_its_word(const struct predecessor *predecessor) {
 fsn_status predecessor_end(struct predecessor *predecessor, struct fsn_fault *fault) {
     const uint32_t word = HANDOVER_END;
     const bool said = handover_send(predecessor->fd, &word, sizeof word, NULL, 0);
-    /* A closed handover_listener means that the predecessor continues without us, unless it is at
-     * its end. */
+    /* A closed handover_listener means that the predecessor continues without us, unless it is
+     * ending. */
     if (said ? wait_for_its_word(predecessor) != FSN_OK
              : !handover_has_ended(predecessor->pidfd, EXIT_MS)) {
         return fsn_refuse_all(fault, FSN_E_BUS_BUSY, "the predecessor closes the bus itself");
@@ -287,7 +289,7 @@ fsn_status predecessor_end(struct predecessor *predecessor, struct fsn_fault *fa
     return predecessor_kill(predecessor, 0, fault);
 }
 
-/** The pidfd keeps the number from being used again during this check. */
+/** The pidfd prevents reuse of the process number during this check. */
 static void hasten(const struct predecessor *predecessor, int priority) {
     const struct sched_param urgent = {.sched_priority = priority};
     char path[32];

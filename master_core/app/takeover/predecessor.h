@@ -1,4 +1,4 @@
-/** The side of a process that takes a running bus over from another one: the predecessor. */
+/** The side of a process that takes over a running bus from another one: the predecessor. */
 #ifndef FSN_APP_PREDECESSOR_H
 #define FSN_APP_PREDECESSOR_H
 
@@ -6,9 +6,9 @@
 #include "app/base/options.h"
 #include "fsn/handover.h"
 
-/** So many bus cycles, as counted in wake-ups of the standby that came in time, and at least
- *  PREDECESSOR_STILL_MS: the predecessor has stopped. A machine that stands still stops both, and
- * counts nothing. */
+/** The predecessor has stopped after this number of bus cycles, counted in timely wake-ups of the
+ *  standby, and at least PREDECESSOR_STILL_MS. A stalled machine stops both processes, and counts
+ *  nothing. */
 enum { PREDECESSOR_STILL_CYCLES = 10, PREDECESSOR_STILL_MS = 5 };
 
 struct predecessor {
@@ -16,16 +16,16 @@ struct predecessor {
     int pidfd; /**< becomes readable at its end; used to send it a signal */
     pid_t pid;
     int lock, listener;
-    void *room; /**< in which it shows its cycles */
+    void *room; /**< memory in which it publishes its cycles */
     size_t room_bytes;
     struct fsn_bus_attachment attachment;
     bool ended; /**< its bus is ours */
-    bool again; /**< it refuses for now; later it may not */
+    bool again; /**< it refuses for now; later it may accept */
 };
 
-/** Connects to the process that drives the bus, and gets the data that the bus needs to attach. The
- *  predecessor continues; its acyclic work pauses until predecessor_release().
- *  @return -1, else the exit code, with the reason logged. */
+/** Connects to the process that drives the bus, and receives the data that the bus needs to attach.
+ *  The predecessor continues; its acyclic work pauses until predecessor_release().
+ *  @return -1, otherwise the exit code, with the reason logged. */
 int predecessor_find(struct predecessor *predecessor, const struct options *options,
                      const struct fsn_plan *plan, const struct fsn_backend *backend);
 
@@ -40,15 +40,15 @@ fsn_status predecessor_follow(struct predecessor *predecessor, uint64_t cycle_ns
                               bool (*turn)(void *self), void *self, struct fsn_fault *fault);
 
 /** Ends the predecessor with SIGKILL and waits for its end.
- *  @param[in] priority  of SCHED_FIFO for its threads, if permitted: a killed thread has to run to
- *      its end, and would wait for others; 0: unchanged.
+ *  @param[in] priority  of SCHED_FIFO for its threads, if permitted: a killed thread must run to
+ *        its end, and would otherwise wait for others; 0: unchanged.
  *  @retval  as predecessor_end(). */
 fsn_status predecessor_kill(struct predecessor *predecessor, int priority, struct fsn_fault *fault);
 
 /** Ends the predecessor, which leaves every SubDevice in OP, and waits for its end: requests it,
- * and sends SIGKILL where it is silent or its cycle stands.
- *  @retval FSN_OK       it has ended: whoever attached may send.
- *  @retval FSN_E_STATE  it has not, whatever was done; nothing may be sent.
+ *  and sends SIGKILL if it is silent or its cycle is stopped.
+ *  @retval FSN_OK       it has ended: this process may send.
+ *  @retval FSN_E_STATE  it has not ended; nothing may be sent.
  *  @retval FSN_E_BUS_BUSY  it closes the bus itself. */
 fsn_status predecessor_end(struct predecessor *predecessor, struct fsn_fault *fault);
 
