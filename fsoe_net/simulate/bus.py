@@ -18,7 +18,7 @@ from fsoe_net.simulate.drive.wiring import WiredAxis
 from fsoe_net.simulate.port import Port, main_port, sub_port
 from fsoe_net.simulate.setup import FsoeSetup, choose_setups
 
-_CYCLE_NS = 1_000_000  # when no file states a bus cycle
+_CYCLE_NS = 1_000_000  # if no file states a bus cycle
 # Input area of modular devices (ETG.5001). Status bits of a safety drive are in other areas
 # (0x2xxx, 0x66xx of the drive profile) and are not e-stop buttons.
 _INPUT_OBJECTS = range(0x6000, 0x6600)
