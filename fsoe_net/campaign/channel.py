@@ -73,9 +73,9 @@ class SessionIds:
 
     def __call__(self) -> int:
         """Return the next id, 0 … 65535."""
-        # The generator of MMIX (Knuth): one number is its whole state, so `restore` is cheap.
+        # The MMIX generator (Knuth): its whole state is one number, so `restore` is cheap.
         self.value = (self.value * 6364136223846793005 + 1442695040888963407) & _MASK
-        # The high bits: the low ones of such a generator repeat soon.
+        # Only the high bits are used: the low bits of such a generator have short periods.
         self.drawn = self.value >> 40 & 0xFFFF
         return self.drawn
 

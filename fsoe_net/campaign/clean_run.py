@@ -184,7 +184,7 @@ class _StartUp:
         self.fork = all(can_fork(end) for end in channel.ends)
         self.spots: list[Spot] = []
         seen: set[Way] = set()
-        # With one safe byte, each byte of parameters takes an exchange of its own.
+        # With one safe byte, each parameter byte takes a separate exchange.
         exchanges = 20 + len(link.main.app_parameters)
         # Longer than any exchange takes: a connection that is not in Data by then never will be.
         limit = exchanges * (sum(link.delay_cycles) + _SLOW_CYCLES) + 5 * link.watchdog_cycles
@@ -292,7 +292,7 @@ class RunSource:
         """Return run ``number`` of ends that can fork: start-up and some hundred turns in Data."""
         if number not in self._walks:
             if len(self._walks) == _KEPT_WALKS:
-                # The oldest one: a walk keeps a copy of both ends for each of its spots.
+                # The oldest is dropped: a walk keeps a copy of both ends for each of its spots.
                 del self._walks[next(iter(self._walks))]
             self._walks[number] = self._make(number)
         return self._walks[number]

@@ -243,7 +243,7 @@ class _Run:
         if data != self.known[way]:
             return self._wrong(way, f"took data {short_hex(data)} without an answer")
         age_ns = self.turn_ns - self.channel.answered_ns[way]
-        # An end looks at its watchdog once in a bus cycle.
+        # An end checks its watchdog once per bus cycle.
         if age_ns >= self.watchdog_ns + self.channel.cycle_ns:
             return self._wrong(way, f"data still valid after {age_ns / 1e6:g} ms")
         return None

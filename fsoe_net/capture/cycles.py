@@ -209,5 +209,5 @@ class Cycles:
 
 def _is_conversation(monitor: Monitor) -> bool:
     counts = [monitor.counts(direction) for direction in (0, 1)]
-    # Packets that the capture lost make some CRCs wrong.
+    # Packets missing from the capture make some CRCs wrong.
     return all(c.right >= ENOUGH_FRAMES and c.wrong * 10 <= c.right for c in counts)

@@ -131,7 +131,7 @@ def follow_frames(frames: Iterable[HexFrame]) -> Iterator[FollowedFrame]:
     rows = list(frames)
     lengths = _lengths(rows)
     monitor = Monitor(safe_data_length(lengths[0]), safe_data_length(lengths[1]))
-    # A first frame without a direction is then one of the main.
+    # A first frame without a direction then belongs to the MainInstance.
     last = 1
     for frame in rows:
         direction = frame.direction

@@ -116,6 +116,6 @@ def _quoted(text: str) -> str:
         elif 0x20 <= byte < 0x7F:
             parts.append(char)
         else:
-            # Three digits always: a digit that follows would belong to a shorter escape.
+            # Always three digits: a following digit would be read as part of a shorter escape.
             parts.append(f"\\{byte:03d}")
     return '"' + "".join(parts) + '"'

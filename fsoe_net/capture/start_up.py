@@ -125,7 +125,7 @@ class _Capture:
             if row.command not in LOGICAL:
                 self._ring.take(row, self._packets)
         logical = joined(rows)
-        # Only when process data pass: start-up has thousands of commands that change a layout.
+        # Only for process data: the start-up has thousands of commands that change a layout.
         if logical and self._ring.changed:
             self._watch()
         for row in logical:

@@ -13,7 +13,7 @@ _LRW = 12
 _TO_BUS = bytes.fromhex("ffffffffffff 000000000001 88a4")
 _FROM_BUS = bytes.fromhex("ffffffffffff 020000000001 88a4")  # a SubDevice has set a bit
 _HEAD = struct.Struct("<HBBIHH")
-# Ethernet without its checksum.
+# Minimum Ethernet frame length without the checksum.
 _SHORTEST_BYTES = 60
 
 
@@ -148,7 +148,7 @@ class RebuiltFrames:
             for offset, size in self._outputs:
                 came[offset : offset + size] = self._sent[offset : offset + size]
             missing = max(0, expected - actual)
-            # The time of return is unknown: just before the next cycle keeps the order.
+            # The return time is unknown; a time just before the next cycle keeps the order.
             at_ns = max(self._sent_ns, now_ns - 1)
             for packet in image_packets(rows, came, number - 1, back=True, missing=missing):
                 yield at_ns, packet, False

@@ -38,7 +38,7 @@ class _Parts:
         key = number, direction, frame[0], data, state, frame[-2:], name
         texts = self._known.get(key)
         if texts is None:
-            # Safe data that never repeat, such as positions, must not fill the memory.
+            # Safe data that never repeat, such as positions, must not exhaust the memory.
             if len(self._known) >= _MOST_PARTS:
                 self._known.clear()
             left, right = self._build(row, data)

@@ -135,7 +135,7 @@ def answered(inputs: Inputs, answers: Answers, *, asking: bool) -> Draft:
         tried = ask(made.questions[0], answers, made)
         after = make_draft(inputs, tried)
         wrong = [d for d in after.findings if d.level is Severity.ERROR]
-        # Nothing of a wrong answer is kept, so the same question comes again.
+        # No part of a wrong answer is kept, so the same question is asked again.
         if wrong:
             print_diagnostics(wrong, err=True)
         else:

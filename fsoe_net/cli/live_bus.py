@@ -114,7 +114,7 @@ class LiveBus:
         return BusOptions(
             backend=self.bus or "soem",
             interface=interfaces[0],
-            # A network of one bus has no names, so no pairs; its interface is the one above.
+            # A network with one bus has no bus names and no pairs; it uses the interface above.
             buses=tuple(zip((b.name for b in network.buses), interfaces, strict=False)),
             redundant=self.redundant,
             cycle_ns=self.cycle_ns,
@@ -135,7 +135,7 @@ def live_bus_options(function: Callable[..., None]) -> Callable[..., None]:
         function(*args, live=live, **kwargs)
 
     decorated: Callable[..., None] = with_live
-    # Decorators apply from the last one: reversed, `--help` keeps the order.
+    # Decorators apply from the last to the first; reversing them keeps the order in `--help`.
     for decorate in (
         INTERFACES,
         click.option(

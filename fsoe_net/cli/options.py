@@ -228,7 +228,7 @@ def refuse_others(ctx: click.Context, flag: str, *names: str) -> None:
         click.UsageError: Another option is given.
     """
     for param in ctx.command.params:
-        # A default does not count: only an option that was typed is in vain.
+        # A default does not count: only an option that the user typed can be unused.
         given = ctx.get_parameter_source(param.name or "") is ParameterSource.COMMANDLINE
         if given and isinstance(param, click.Option) and param.name not in names:
             raise click.UsageError(f"{param.opts[-1]} does not go with {flag}")

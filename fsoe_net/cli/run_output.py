@@ -207,7 +207,7 @@ def print_events(events: Sequence[RunEvent]) -> None:
 def joined_events(events: Sequence[RunEvent]) -> list[RunEvent]:
     """Return the events, joining those with the same time and text, as after the loss of a bus."""
     found = []
-    # A lost bus sets all connections back within a millisecond.
+    # A lost bus resets all connections within a millisecond.
     for _, rows in itertools.groupby(events, key=lambda e: (round(e.time_ms), e.text)):
         same = list(rows)
         names = ", ".join(dict.fromkeys(e.source for e in same))

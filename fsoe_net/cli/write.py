@@ -54,7 +54,7 @@ def check_folder(folder: Path, *, overwrite: bool) -> None:
             f"nothing written: {network} exists; name another folder with -o, or replace it with "
             "--overwrite"
         )
-    # Missing folders are created, so the nearest existing one decides.
+    # Missing folders are created, so the nearest existing folder decides.
     there = next((p for p in (folder, *folder.parents) if p.exists()), Path("."))
     why = _why_closed(there, os.W_OK | os.X_OK) if there.is_dir() else f"{there} is a file"
     if why:

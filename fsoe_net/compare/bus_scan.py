@@ -207,7 +207,7 @@ def _aliases(out: FindingList, network: NetworkConfig, scan: Scan) -> None:
 def _same_place(out: FindingList, match: Match) -> None:
     """FSN414, visible only on the bus: one SubDevice named by its alias and by its position."""
     first: dict[int, SubDevice] = {}
-    # Without an alias first, so that the finding is where the alias is given.
+    # SubDevices without an alias come first, so that the finding is where the alias is given.
     for sub, found in sorted((*match.pairs, *match.other), key=lambda row: row[0].alias):
         there = first.setdefault(found.position, sub)
         if there is sub:

@@ -59,7 +59,7 @@ def _own(plan: Plan) -> dict[str, list[_Row]]:
             kind, _, rest = line.partition(" ")
             if kind in ("bus", "group"):
                 continue
-            # Other lines follow that of their sync manager and have no number of a SubDevice.
+            # Other lines follow the line of their sync manager and have no SubDevice number.
             if kind in ("device", "sm", "frame", "symbol"):
                 number, _, rest = rest.partition(" " if kind == "device" else ".")
                 at = int(number)
@@ -78,7 +78,7 @@ def _shared(plan: Plan) -> Iterator[_Row]:
     for c in plan.copies:
         source, source_at = end(c.source_sm, c.source_bit)
         destination, destination_at = end(c.destination_sm, c.destination_bit)
-        # The number of a connection changes when others are added; whether there is one does not.
+        # A connection number changes when connections are added; whether it exists does not.
         paired = c.connection != NONE
         yield source, destination, source_at, destination_at, c.bits, c.net, c.kind, paired
     for k in plan.connections:

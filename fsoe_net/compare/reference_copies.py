@@ -92,7 +92,7 @@ class _Copies:
     ) -> None:
         size = row.transfer.size_bytes
         found = [sources.get(byte) for byte in _own(row.destination, size)]
-        # All copies that the transfer touches count as used before the first difference ends this.
+        # All copies that the transfer touches are marked before the first difference returns.
         for known in found:
             if known is not None:
                 self.used.setdefault(known[1], row)

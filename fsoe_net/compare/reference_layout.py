@@ -219,7 +219,7 @@ class _Side:
         """FSN439: PDOs on another sync manager; one finding for each pair of sync managers."""
         place = {f.index: f.sm for f in self.row.facts.pdos if f.sm is not None}
         for number, sm in self.theirs.items():
-            # The assignment counts more than the sync manager that a PDO states as its default.
+            # The assignment takes precedence over the default sync manager of a PDO.
             place.update((p.index, number) for p in sm.pdos or ())
         moves: dict[tuple[int, int], list[Pdo]] = {}
         for planned, pdos in self.ours:
@@ -325,7 +325,7 @@ class _Side:
         facts = self.facts.get(pdo.index)
         fixed = facts is not None and facts.fixed
         free = facts is not None and not fixed
-        # Only padding differs: every entry is right, but those after it are at other bits.
+        # Only padding differs: every entry is right, but the entries after it are shifted.
         gap = _without_gaps(pdo) == _without_gaps(there)
         severity = None
         if gap:

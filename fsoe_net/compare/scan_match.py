@@ -18,7 +18,7 @@ from fsoe_net.model.scan import ScannedSubDevice
 Identity = tuple[int, int]
 
 _MOST_CELLS = 4_000_000
-# Two exchanged devices (9) cost less than two others (20), or one missing and one added (16).
+# Two exchanged devices (9) cost less than two wrong ones (20) or one missing and one added (16).
 _ADDRESS, _FREE_TAKEN, _SMALL, _GONE, _SWAPPED, _OTHER = 1, 6, 3, 8, 9, 10
 
 

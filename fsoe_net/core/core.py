@@ -271,7 +271,7 @@ class Core:
         """
         options = self._ffi.new("struct fsn_thread_options *")
         options.cycle_ns, options.priority = cycle_ns, priority
-        # C counts from 1 there, so that 0 is any CPU.
+        # C counts CPUs from 1 here; 0 means any CPU.
         options.cpu = 0 if cpu is None else cpu + 1
         fault = self._ffi.new("struct fsn_fault *")
         with self._setup_lock:
@@ -348,7 +348,7 @@ class Core:
         Raises:
             CoreError: Unknown sync manager, or the core is closed.
         """
-        # The function in C returns a count and no status, so that it cannot refuse a number.
+        # The C function returns a count and no status, so it cannot reject a number.
         if self._pointer == self._ffi.NULL or not 0 <= sm < len(self._plan.sm_sizes):
             raise_status(self._lib.FSN_E_ARG, f"sync manager {sm}")
         return int(self._lib.fsn_core_stale_cycles(self._pointer, sm))

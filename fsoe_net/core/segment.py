@@ -349,7 +349,7 @@ class Segment:
         options = self._ffi.new("struct fsn_segment_link_options *")
         options.interface, options.interface2 = first, second
         options.priority = link.priority
-        # 0 in C is any CPU.
+        # In C, 0 means any CPU.
         options.cpu = 0 if link.cpu is None else link.cpu + 1
         options.no_machine_on_this_wire = link.no_machine_on_this_wire
         error = self._ffi.new("int *")

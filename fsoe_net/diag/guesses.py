@@ -42,7 +42,7 @@ class Guesses:
     def _guess(self, word: str) -> list[str]:
         if word in self._bare:
             return [word]
-        # Exchanged letters are the most frequent slip and need no slow comparison.
+        # Exchanged letters are the most frequent typing error and need no slow comparison.
         exchanged = self._letters.get("".join(sorted(word)))
         if exchanged is not None:
             return exchanged

@@ -51,7 +51,7 @@ def document_html(document: Document) -> str:
         f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{title}'
         '</title><meta name="viewport" content="width=device-width,initial-scale=1">'
         f"<style>{STYLE}</style></head><body{kind}>\n"
-        # Browsers repeat thead and tfoot on each printed page: head and foot without a script.
+        # Browsers repeat thead and tfoot on each printed page, so no script is needed for both.
         '<table class="sheet" role="presentation"><thead>'
         f'<tr><td><div class="pagehead">{" · ".join(h for h in head if h)}</div></td></tr></thead>'
         f'<tfoot><tr><td><div class="pagefoot">{foot}</div></td></tr></tfoot><tbody><tr><td>\n'

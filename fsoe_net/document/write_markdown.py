@@ -105,7 +105,7 @@ def _cell(items: Sequence[Item], sources: Sources, column: int) -> str:
         if isinstance(item, Number):
             text += sources.mark(item, column)
         shown.append(text)
-    # A bar ends the cell even inside code.
+    # A vertical bar ends the cell even inside code.
     return "<br>".join(shown).replace("|", "\\|")
 
 

@@ -206,7 +206,7 @@ class _FittedTable:
             )
         for row in self._rows:
             table.add_row(*(row[n] for n in shown))
-        # Plain text has all columns, even beyond the width of the console.
+        # Plain text has all columns, even if they exceed the width of the console.
         yield from console.render(table, options.update(max_width=width))
         left = [c.title for n, c in enumerate(self._columns) if n not in shown]
         if left:

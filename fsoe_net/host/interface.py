@@ -20,7 +20,7 @@ _FRAME_BYTES = 1500
 
 def interface_names(host: Host) -> list[str]:
     """Return the interfaces of this network namespace."""
-    # /proc before sysfs, which may show another network namespace; two lines are its heading.
+    # /proc is read before sysfs, which may show another network namespace. Two lines are a heading.
     lines = (host.maybe("/proc/net/dev") or "").splitlines()[2:]
     found = [line.partition(":")[0].strip() for line in lines if ":" in line]
     return sorted(found) or host.names("/sys/class/net")
@@ -52,7 +52,7 @@ def _exists(host: Host, name: str) -> Iterator[MachineFacts]:
         return
     folder = _folder(host, name)
     kind = host.number(f"{folder}/type")
-    # Only hardware has a device in sysfs.
+    # Only real hardware has a device in sysfs.
     virtual = not host.exists(f"{folder}/device")
     # From the most obvious reason to the most specific one: the first answer must help.
     if host.exists(f"{folder}/wireless") or host.exists(f"{folder}/phy80211"):

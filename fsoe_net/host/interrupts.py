@@ -10,7 +10,7 @@ from fsoe_net.host.finding import Check, MachineFacts, MachineLevel
 from fsoe_net.host.permissions import scheduling
 from fsoe_net.host.seam import Host, Unreadable
 
-# What fsn-master asks for by default.
+# The default that fsn-master requests.
 _MASTER_PRIORITY = 80
 
 

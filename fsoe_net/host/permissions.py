@@ -62,7 +62,7 @@ def _file_capabilities(host: Host, program: str) -> int:
     try:
         data = host.seam.attribute(program, "security.capability")
     except OSError as exc:
-        # No such attribute, or a file system without attributes: the file gives nothing.
+        # No such attribute, or a file system without attributes: the file grants no capability.
         if exc.errno in (errno.ENODATA, errno.EOPNOTSUPP):
             return 0
         raise Unreadable(f"{program}: its capabilities: {exc.strerror}") from exc

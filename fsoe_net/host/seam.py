@@ -51,7 +51,7 @@ class RealSeam:
                 errors="replace",
                 check=False,
                 timeout=_COMMAND_S,
-                # The words of the output are read, and a translation would change them.
+                # The output is parsed by its words, which a translation would change.
                 env=os.environ | {"LC_ALL": "C"},
             )
         except (OSError, subprocess.TimeoutExpired):

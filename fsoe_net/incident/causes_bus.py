@@ -15,7 +15,7 @@ from fsoe_net.incident.incident import IncidentEvent, TriggerKind
 
 _WATCHDOG = 5
 _TENTH_MS = 100_000
-# MAX_ERRNO of Linux; a damaged file may hold any number.
+# MAX_ERRNO of Linux; a damaged file may contain any number.
 _MOST_ERRNO = 4095
 _NO_INTERFACE = frozenset({errno.ENETDOWN, errno.ENODEV, errno.ENXIO, errno.ENOLINK})
 _TOGETHER_NS = 250_000_000  # SubDevices are checked one after another
@@ -80,7 +80,7 @@ def _gone(e: IncidentEvidence) -> Iterator[Candidate]:
         if several:
             yield candidate(e, "device_lost", score - 20, *facts, device=first.name)
         return
-    # An end of this connection, if one is among them, explains most.
+    # An end of this connection, if there is one, explains most.
     seen = min(gone, key=lambda s: s.name not in _ends(e))
     yield candidate(e, "device_lost", score, *facts, device=seen.name)
 
@@ -267,7 +267,7 @@ def _late(e: IncidentEvidence) -> tuple[int, int]:
     lost = e.bus.lost_between(*e.window_ns)
     if not lost:
         return 0, 0
-    # A late reply comes some cycles after its own.
+    # A late reply arrives some cycles after its own cycle.
     late = e.bus.old_between(lost[0].start_ns, lost[-1].end_ns + 4 * e.bus.cycle_ns)
     return sum(r.cycles for r in lost), late
 

@@ -189,7 +189,7 @@ class BusWatch:
 
     def _slice(self, record: CycleRecord, extra: int) -> None:
         length = max(1, self.span_ns // _TIMELINE)
-        # Bounded: a damaged time must not fill the memory.
+        # Bounded: a damaged time must not exhaust the memory.
         number = min((record.now_ns - self._first_ns) // length, 2 * _TIMELINE)
         while len(self._slices) <= max(number, 0):
             self._slices.append([self._first_ns + len(self._slices) * length, 0, 0, 0, 0])

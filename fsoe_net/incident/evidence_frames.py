@@ -15,7 +15,7 @@ from fsoe_net.fsoe.pdu import Command, decode_pdu, is_frame_length, safe_data_le
 _LEGAL = frozenset(int(c) for c in Command)
 _DATA_COMMANDS = (Command.PROCESS_DATA, Command.FAIL_SAFE_DATA)
 _START_COMMANDS = (Command.CONNECTION, Command.PARAMETER)
-# The chain of CRCs begins with these, so that their own CRC shows whether they are whole.
+# The CRC chain begins with these, so their own CRC shows whether they are complete.
 _BEGINS = (Command.RESET, Command.SESSION)
 _KEEP = 60
 _MOST_RESETS = 1_000
@@ -272,7 +272,7 @@ class LinkWatch:
         side.linked += verdict is CrcVerdict.RIGHT and command != Command.RESET
         if legal:
             side.commands[command] += 1
-            # These two carry connection ID 0. Bounded: damaged frames hold any number.
+            # These two have connection ID 0. Bounded: damaged frames may contain any number.
             if command not in (Command.RESET, Command.SESSION) and len(side.connection_ids) < 64:
                 side.connection_ids[connection_id] += 1
 

@@ -178,7 +178,7 @@ class LogSelection:
 def log_lines(stream: Readable) -> Iterator[LogLine]:
     """Yield the lines of a file; for one that is too long, only its length and hash."""
     at = 0
-    # One byte more than an entry may have: its newline.
+    # One byte more than the longest entry: the newline.
     while data := stream.readline(_LINE_BYTES + 1):
         at += 1
         size = len(data)
@@ -238,7 +238,7 @@ class LogChain:
         file = self._files[-1]
         entry = _entry_of(line, file.name)
         if entry is None:
-            # Judged with the next entry: fsn-master describes torn bytes in an entry `torn`.
+            # Decided with the next entry: fsn-master describes torn bytes in an entry `torn`.
             self._torn.add(file.name, line)
             return None
         self._compare(entry)
@@ -315,7 +315,7 @@ class LogChain:
         elif entry.number > before.number + 1:
             text = f"{_numbers(before.number + 1, entry.number - 1)} missing before entry "
             text += str(entry.number)
-        # A new log without a predecessor is not a moved line, although its number falls.
+        # A new log without a predecessor is not a moved line, although its number decreases.
         elif entry.number == 1 and stated is None:
             text = f"another log begins here, after entry {before.number}"
         elif entry.number <= before.number:
@@ -359,7 +359,7 @@ class LogChain:
             return
         if self._latest is not None and (self._latest - now).total_seconds() > _BACK_S:
             self._back += 1
-        # Also after a step back: entries are compared with their predecessor, so it counts once.
+        # Also after a decrease: entries are compared with their predecessor, so it counts once.
         self._latest = now
 
 

@@ -75,7 +75,7 @@ def read_log(
         with contextlib.ExitStack() as stack:
             source = _Copying(stack.enter_context(open_file(name, regular=False)))
             if archive is not None:
-                # Without a time of its own, so that equal logs give equal archives.
+                # Without a timestamp, so that equal logs give equal archives.
                 info = zipfile.ZipInfo(packed)
                 info.compress_type = zipfile.ZIP_DEFLATED
                 # The length is unknown until the log has been read.

@@ -212,7 +212,7 @@ class Attachment:
 
     def _lost(self, fault: EnvironmentFault) -> None:
         if self._client is not None:
-            # The counter belongs to the connection and ends with it.
+            # The counter exists only as long as the connection.
             self._missed += self._client.events_lost
             self._client.close()
             self._client = None

@@ -56,7 +56,7 @@ def fetch_soem(folder: Path) -> Path:
     )
     archive = folder / f"pysoem-{_PYSOEM}.tar.gz"
     if hashlib.sha256(archive.read_bytes()).hexdigest() != _SHA256:
-        # pip takes a file that is already there, so it would be refused each time.
+        # pip reuses an existing file, so it would be rejected each time.
         archive.unlink()
         raise EnvironmentFault(f"{archive}: not the file that was expected (SHA-256); deleted")
     with tarfile.open(archive) as tar:
@@ -138,7 +138,7 @@ def _source() -> Path:
 
 def _cmake(work: Path) -> tuple[list[str], dict[str, str]]:
     """Return the command for CMake and its environment; CMake is fetched if it is missing."""
-    # This environment need not be active, so that its folder may be missing in PATH.
+    # This environment need not be active, so its folder may be missing from PATH.
     beside = Path(sys.executable).parent / "cmake"
     found = str(beside) if beside.is_file() else shutil.which("cmake")
     if found is not None:
@@ -170,7 +170,7 @@ def _run(command: Sequence[str], what: str, env: dict[str, str]) -> str:
     text = done.stdout.decode("utf-8", "replace")
     if done.returncode != 0:
         lines = text.strip().splitlines() or ["no word why"]
-        # The first error counts: those after it follow from it, and make only adds that it stopped.
+        # The first error counts: later errors result from it, and make only adds that it stopped.
         at = next((n for n, line in enumerate(lines) if "error" in line.lower()), len(lines) - 1)
         # CMake gives the reason on the following lines, up to an empty one.
         rest = takewhile(str.strip, lines[at:]) if lines[at].startswith("CMake") else [lines[at]]

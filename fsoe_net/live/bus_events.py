@@ -119,7 +119,7 @@ def connection_result(
         sub=facts.sub,
         state=wire.state,
         wire_state=wire.state,
-        # The wire counts before what the files state.
+        # Values on the wire take precedence over those in the files.
         connection_id=down.connection_id or up.connection_id or facts.connection_id,
         address=facts.address,
         watchdog_ms=facts.watchdog_ms,

@@ -202,7 +202,7 @@ class ControlLink:
             try:
                 self._socket.settimeout(max(0.0, left))
                 got = self._socket.recv(1 << 16)
-            # A timeout of 0 makes the socket non-blocking, which has an exception of its own.
+            # A timeout of 0 makes the socket non-blocking, which raises a different exception.
             except (BlockingIOError, TimeoutError):
                 return None
             except OSError as exc:

@@ -192,7 +192,7 @@ def connection_health(
     """
     ends = [s for s in subdevices if s.name in (seen.main, seen.sub)]
     reasons = [] if current else [HealthReason.NOT_CURRENT]
-    # Without one of its SubDevices a connection cannot be in Data, which is then no fault.
+    # If one of its SubDevices is absent, a connection cannot be in Data. This is not a fault.
     if any(s.is_absent for s in ends):
         reasons.append(HealthReason.END_ABSENT)
     else:
@@ -348,7 +348,7 @@ class RecentChanges:
             now_s: Time of a monotonic clock, seconds.
         """
         for key, count in _counters(snapshot):
-            # A first value is not a rise: the counters began before this program.
+            # A first value is not an increase: the counters started before this program.
             if count > self._last.get(key, count):
                 self._until[key] = now_s + HOLD_S
             self._last[key] = count

@@ -22,7 +22,7 @@ def fingerprint_in_use(status: Status) -> Fingerprint | None:
     if reported is None:
         return None
     used = cycle_sha256(status.cycle_ns)
-    # 0: the files state no cycle, so that any cycle fits them.
+    # 0: the files state no cycle, so any cycle fits.
     if reported.sections["cycle"] in (used, cycle_sha256(0)):
         return reported
     return fingerprint_of_sections({**reported.sections, "cycle": used})

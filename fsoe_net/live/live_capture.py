@@ -131,7 +131,7 @@ class LiveCapture:
             except EnvironmentFault:
                 self._client.close()
                 self._client = None
-        # Slower than reading: each attempt is a connection.
+        # Retried more slowly than reading, because each attempt is a connection.
         elif not self._stop.wait(5 * wait_s):
             with contextlib.suppress(EnvironmentFault):  # it stopped; wait for the next one
                 self._attach()

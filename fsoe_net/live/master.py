@@ -85,7 +85,7 @@ class Master:
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.PIPE,
-                # Else a Ctrl-C at the terminal would end it before `stop` gives it an orderly end.
+                # Otherwise a Ctrl-C at the terminal would kill it before `stop` ends it in order.
                 start_new_session=True,
             )
         except OSError as exc:

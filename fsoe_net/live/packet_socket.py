@@ -9,7 +9,7 @@ import struct
 from dataclasses import dataclass
 
 _ALL, _ETHERCAT = 0x0003, 0x88A4
-# Of the Linux headers: Python's module `socket` does not have these.
+# From the Linux headers: Python's module `socket` does not have these.
 _SO_ATTACH_FILTER, _SO_TIMESTAMPNS = 26, 35
 _SOL_PACKET, _ADD_MEMBERSHIP, _STATISTICS, _PROMISCUOUS = 263, 1, 6, 1
 _OUTGOING = 4
@@ -49,7 +49,7 @@ class PacketSocket:
 
     def __init__(self, interface: str) -> None:
         self._dropped = 0
-        # Protocol 0 receives nothing until `bind`, so that the filter is set first (packet(7)).
+        # Protocol 0 receives nothing until `bind`, so the filter is set first (packet(7)).
         self._socket = socket.socket(socket.AF_PACKET, socket.SOCK_RAW, 0)
         try:
             self._prepare(interface)

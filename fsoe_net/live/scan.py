@@ -85,7 +85,7 @@ def scan_source(
 def _attached(socket: str) -> TakenScan:
     with Client(socket, timeout_s=_SCAN_S) as client:
         reply = client.request("scan")
-    # What is left is the document that `fsn-master --scan` writes.
+    # The rest is the document that `fsn-master --scan` writes.
     reply.pop("ok", None)
     reply.pop("tag", None)
     return _taken(json.dumps(reply).encode(), socket)

@@ -21,7 +21,7 @@ from fsoe_net.model.resolve import Resolution, resolve
 from fsoe_net.model.scan import ScannedEntry, ScannedPdo, ScannedSm, ScannedSubDevice
 
 _SIZES = (8, 16, 32, 64)
-# ethercat_driver_ros2 keeps a length in one byte; 248 are the most whole bytes in it.
+# ethercat_driver_ros2 keeps a length in one byte; 248 bits are the most whole bytes in it.
 _MOST_BITS, _PADDING_BITS = 255, 248
 _WIDTH = 100
 _COMPARED = {"FSN501", "FSN503", "FSN504", "FSN505", "FSN506", "FSN507"}

@@ -115,7 +115,7 @@ def _net(
 
 def yaml_word(name: str) -> str:
     """Return a name in a form that YAML reads as text."""
-    # Only names that YAML cannot take for something else, as it does with `on` or `1e3`, go bare.
+    # Unquoted only if YAML cannot read the name as another type, as with `on` or `1e3`.
     return (
         name
         if re.fullmatch(r"[a-z][a-z0-9]*_[a-z0-9_]+|[a-z]+[0-9]+", name)

@@ -72,7 +72,7 @@ def _sockets(interface: str) -> Iterator[str]:
     for path in _own_choices(interface):
         if os.path.exists(path):
             yield path
-    # `fsoe-net run` takes the folder of temporary files where the user has no runtime directory.
+    # `fsoe-net run` uses the temporary folder if the user has no runtime directory.
     for folder in dict.fromkeys((*_folders(), tempfile.gettempdir())):
         yield from sorted(glob.glob(os.path.join(glob.escape(folder), "fsoe-net-*/control.sock")))
 

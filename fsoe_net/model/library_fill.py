@@ -146,7 +146,7 @@ def _filled(
     sub: DescribedSubDevice, known: LibraryDevice, mapping: LibraryMapping, *, answered: bool
 ) -> LibraryFill:
     own = sub.device
-    # Start-up data of the user's files stay; only process data are missing there.
+    # Start-up data from the user's files are kept; only the process data are missing there.
     device = replace(
         mapping.device(_identity(sub, known), own.path),
         sdos=own.sdos,

@@ -350,7 +350,7 @@ def _couple(
             couples.append((down, match))
     couples.extend(zip(waiting, left_up, strict=False))
     matched = min(len(waiting), len(left_up))
-    # In the order of the file, by which connections are named and numbered.
+    # In file order, because connections are named and numbered in this order.
     couples.sort(key=lambda pair: pair[0].number)
     return couples, waiting[matched:] + left_up[matched:]
 

@@ -135,7 +135,7 @@ def _safe_bit(frame_bit: int, frame_bytes: int) -> int | None:
     byte, bit = divmod(frame_bit, 8)
     if not 1 <= byte < frame_bytes - 2:
         return None
-    # The shortest frame has one safe byte, so that its CRC comes a byte earlier.
+    # The shortest frame has one safe byte, so its CRC is one byte earlier.
     if frame_bytes == 6:
         return bit if byte == 1 else None
     block, inside = divmod(byte - 1, 4)

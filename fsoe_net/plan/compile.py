@@ -147,7 +147,7 @@ class _Compiler:
             )
             for group in network.groups
         )
-        # In the order of the bus, as a reader of the plan checks it.
+        # In bus order, because the plan reader checks this order.
         return tuple(sorted(rows, key=lambda row: row.first_subdevice))
 
     def _buses(self) -> tuple[PlanBus, ...]:
@@ -395,7 +395,7 @@ def _shared(sub: SubDevice, sm: SmLayout, symbols: tuple[_SharedSymbol, ...]) ->
 def _symbol(symbol: DeviceSymbol) -> _SharedSymbol:
     view, output = symbol.view, symbol.is_output
     restart_relevant = symbol.entry.restart_relevant
-    # The driver leaves a masked value where its bits are: its values are 1 << shift as large.
+    # The driver does not shift a masked value, so its values are larger by a factor of 1 << shift.
     scale = 2.0**-view.shift if output else 2.0**view.shift
     return _SharedSymbol(
         name=symbol.name,
@@ -404,7 +404,7 @@ def _symbol(symbol: DeviceSymbol) -> _SharedSymbol:
         kind=entry_kind(view),
         output=output,
         restart_relevant=restart_relevant,
-        # A stop must leave no bit on that can restart a machine.
+        # After a stop, no bit that can restart a machine may remain set.
         stop_value=0 if restart_relevant or not output else stop_value(view),
         factor=view.factor * scale,
         offset=view.offset * scale if output else view.offset,

@@ -133,7 +133,7 @@ def canonical_section(plan: Plan, name: str) -> str:
 def safety_text(functions: Sequence[SafetyFunction]) -> str:
     """Return the text of the section ``safety_functions``."""
     lines = [f"{FORM} safety_functions"]
-    # By bytes, which every language sorts alike.
+    # Sorted as bytes, because every language sorts bytes alike.
     for f in sorted(functions, key=lambda f: f.name.encode("utf-8")):
         lines.append(
             f"function name={_word(f.name)} trigger={_word(f.trigger)} reaction={_word(f.reaction)}"
@@ -208,7 +208,7 @@ def _devices(plan: Plan) -> Iterator[str]:
 
 
 def _sdo(sdo: PlanSdo) -> str:
-    # Two's complement, as the object is written.
+    # Two's complement, as in the write to the object.
     raw = sdo.value & ((1 << (8 * sdo.size_bytes)) - 1)
     return f"sdo 0x{sdo.index:04x}:{sdo.subindex:02x} bytes={sdo.size_bytes} value=0x{raw:016x}"
 
@@ -266,7 +266,7 @@ def _symbol(s: PlanSymbol) -> _Symbol:
 
 
 def _pattern(value: float) -> int:
-    # The bits of a number, since languages print decimals differently.
+    # The bits of a number are used, because languages print decimals differently.
     return int.from_bytes(_BITS.pack(value), "little")
 
 
@@ -276,7 +276,7 @@ def _place(sm: PlanSyncManager) -> str:
 
 def _connection_order(plan: Plan) -> list[int]:
     """Return the connections in the order of the bytes written to their SubInstance."""
-    # Numbers of connections follow the order in the files, which must not matter.
+    # Connection numbers follow the order in the files, which must not affect the fingerprint.
     ends = [plan.copies[c.copy_to_sub] for c in plan.connections]
     return sorted(range(len(ends)), key=lambda n: (ends[n].destination_sm, ends[n].destination_bit))
 

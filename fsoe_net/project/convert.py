@@ -134,7 +134,7 @@ def _read(
     _refuse_errors(out)
     bus = join_buses(buses, notes) if buses else None
     for file, found in known:
-        # Now that the bus is known: an ESI has thousands of devices, and only those on it are read.
+        # Only now is the bus known: an ESI has thousands of devices, and only those on it are read.
         if found.yields is Yields.CATALOGUE:
             types += _read_catalogue(file, found, bus, out, notes, starts=starts)
     _refuse_errors(out)

@@ -44,7 +44,7 @@ class Fixes:
         after: dict[str, bytes] = {}
         made: set[Edit] = set()
         for path, data in before.items():
-            # A finding with edits in two files is left alone: half of it would be worse than none.
+            # A finding with edits in two files is skipped: half an edit would be worse than none.
             fitting = [d for d in found if {e.span.file for e in d.edits} == {path}]
             patched, edits = _patched(data, path, fitting)
             made |= edits

@@ -132,7 +132,7 @@ def with_scenario(make: Callable[[Scenario | None], _Run], path: str | None) -> 
     if scenario is None:
         raise InputError(f"the scenario has mistakes: {summary(found)}", found)
     stage = make(scenario)
-    # A place that the reader has reported is not reported a second time.
+    # A place that the reader has reported is not reported again.
     named = {d.span for d in found}
     misfits = [d for d in stage.scenario_findings() if d.span not in named]
     if found or misfits:

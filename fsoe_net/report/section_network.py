@@ -383,7 +383,7 @@ def _bytes_to(number: int, end: str) -> str:
 def _safe_bytes(frame_bytes: int) -> int:
     try:
         return safe_data_length(frame_bytes)
-    # Another length has a finding of its own.
+    # A different length has its own finding.
     except ValueError:
         return 0
 

@@ -139,7 +139,7 @@ class Bridge:
         if self.recording is not None:
             self.recording.check()
         view = self._attachment.look(LOOK_S, stop)
-        # Events are not shown here; kept, they would fill the memory.
+        # Events are not shown here; keeping them would exhaust the memory.
         self._attachment.take_events()
         found = ros_statuses(view)
         # With two publishers of one joint, its state would jump between them.
@@ -211,7 +211,7 @@ class Bridge:
         joints: tuple[Joint, ...],
         shown: _Shown,
     ) -> None:
-        # ROS takes joint positions in radians or metres (REP 103); raw counts would mislead.
+        # ROS expects joint positions in radians or metres (REP 103); raw counts would mislead.
         joints = tuple(joint for joint in joints if not joint.is_raw)
         if joints and self._options.joints and not self._yields:
             rows = [joint.values(values.inputs) for joint in joints]
@@ -260,7 +260,7 @@ class _Shown:
     ) -> list[tuple[SignalTopic, Value]]:
         """Return topics with changed values; at an interval, return all of them."""
         now_s = time.monotonic()
-        # Also without a change, for subscribers that came later.
+        # Also without a change, for subscribers that connect later.
         every = now_s - self._all_s >= _AGAIN_S
         if every:
             self._all_s = now_s

@@ -106,7 +106,7 @@ class Node:
         self._thread.join()
         self._readers.clear()
         self._writers.clear()
-        # `cyclonedds` ends what no object refers to.
+        # `cyclonedds` deletes an entity when no object refers to it.
         del self._offers, self._participant, self._domain
 
     def publish(self, topic: str, message: IdlStruct) -> None:

@@ -127,7 +127,7 @@ def _part(symbols: Sequence[Symbol], part: str, axis: int) -> Symbol | None:
     for symbol in symbols:
         if (symbol.index, symbol.subindex) == (index, 0):
             return symbol
-    # The driver's names have no number of an axis.
+    # The driver's names have no axis number.
     return next((s for s in symbols if s.entry == part), None) if axis == 0 else None
 
 

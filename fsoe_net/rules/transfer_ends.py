@@ -195,7 +195,7 @@ def _distance(
         f"{index:04x}{subindex:02x}",
         f"{placed.entry.index:04x}{placed.entry.subindex:02x}",
     )
-    # A wrong digit (4) is likelier than another frame size (6) or another kind of entry (20).
+    # A wrong digit (4) is more likely than another frame size (6) or kind of entry (20).
     score = 4 * sum(a != b for a, b in zip(text_a, text_b, strict=True))
     block = sm.block_at(placed.bit_offset)
     is_command = block is not None and block.command is placed.entry

@@ -68,7 +68,7 @@ def known_conversations() -> Iterator[TriedValue]:
     yield TriedValue("recorded frames", reference()["recorded_frames"], len(recorded))
     lines = reference_file("estop.frames").splitlines()
     decoded = follow_frames(parse_frames(("estop.frames", line) for line in lines))
-    # A missing or additional frame must differ also.
+    # A missing or additional frame must also be a difference.
     for n, (frame, seen) in enumerate(zip_longest(recorded, decoded)):
         got = seen and f"{seen.verdict} {seen.sequence} {seen.state}"
         yield TriedValue(f"recorded frame {n + 1}", frame and frame.known, got)

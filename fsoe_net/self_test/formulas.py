@@ -51,7 +51,7 @@ def crcs_of_fsoe() -> Iterator[TriedValue]:
     for sequence in _LENGTHS:
         head = (0x1234).to_bytes(2, "little") + (0xABCD).to_bytes(2, "little")
         head += sequence.to_bytes(2, "little") + b"\x36"
-        # The number of a block is a part of its CRC, except in block 0; three zero bytes end it.
+        # The block number is part of the CRC, except in block 0; three zero bytes end the input.
         blocks = [
             (b"" if n == 0 else n.to_bytes(2, "little")) + data[2 * n : 2 * n + 2] + bytes(3)
             for n in range(4)

@@ -68,7 +68,7 @@ def tried(part: SelfTestPart) -> PartResult:
             compared += 1
             if row.expected != row.got:
                 different.append(row)
-        # A part that compares nothing must not pass.
+        # A part that makes no comparison must not pass.
         if compared == 0:
             different.append(TriedValue("values to compare", "at least 1", 0))
     except NotTried as exc:

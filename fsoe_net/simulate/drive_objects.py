@@ -61,7 +61,7 @@ class _AxisRows:
             self._kept.add(key)
             try:
                 self._offer(key)
-            # A start-up SDO has this object with another length.
+            # A start-up SDO states this object with another length.
             except CoreError:
                 continue
             if not axis.objects.is_mapped(key[0]):  # process data have priority if mapped

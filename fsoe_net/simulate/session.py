@@ -296,7 +296,7 @@ class _Live:
             session.engine.log(self._now(), "run", _INTERRUPTED)
         finally:
             self._stop.set()
-            # Before the core stops: devices read and write its bus until their thread ends.
+            # Must happen before the core stops: devices use its bus until their thread ends.
             thread.join()
             session.core.stop()
         if self._incidents is not None:

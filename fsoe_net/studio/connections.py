@@ -24,7 +24,7 @@ def client_network(host: str) -> str:
     if isinstance(address, ipaddress.IPv4Address):
         return host
     mapped = address.ipv4_mapped
-    # A single customer has a whole /64 network, so that a limit by address would limit nothing.
+    # One customer has a whole /64 network, so a limit per address would have no effect.
     return str(mapped or ipaddress.ip_network((int(address) >> 64 << 64, 64)))
 
 
@@ -50,7 +50,7 @@ class LimitedSocket(socket.socket):
         of_client = sum(other == client for other, _ in self._accepted)
         if len(self._accepted) >= MOST_CONNECTIONS or of_client >= MOST_OF_ONE_CLIENT:
             connection.close()
-            # asyncio accepts the next one after this exception.
+            # asyncio accepts the next connection after this exception.
             raise ConnectionAbortedError("too many connections")
         self._accepted.append((client, connection))
         return connection, address

@@ -79,7 +79,7 @@ def download(workspace: Workspace, version: int, target: str, esis: Sequence[str
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, data in made.files.items():
-            # Without the time of now: equal networks give equal bytes.
+            # Without the current time, so that equal networks give equal bytes.
             archive.writestr(zipfile.ZipInfo(name), data, zipfile.ZIP_DEFLATED)
     return Download(name=f"{_stem(workspace)}-{target}.zip", data=stream.getvalue())
 

@@ -73,7 +73,7 @@ def bound_socket(address: str, port: int) -> socket.socket:
         found = LimitedSocket(row[0], row[1])
     except OSError as exc:
         raise EnvironmentFault(f"{address} cannot be listened on: {exc.strerror}") from exc
-    # Else the port is taken for a minute after the last run (TIME_WAIT).
+    # Otherwise the port stays in use for a minute after the last run (TIME_WAIT).
     found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         found.bind(row[4])

@@ -171,7 +171,7 @@ class EmulatedFeed(LiveFeed):
     def _ask(self, work: Callable[[int], _T]) -> _T:
         """Call a function between two cycles."""
         with self._door:
-            # No thread steps the run any longer, so that this one may read it.
+            # No thread steps the run any longer, so this thread may read it.
             if self._over or not self._thread.is_alive():
                 return work(self._now_ns)
             answer: Future[object] = Future()
@@ -197,7 +197,7 @@ class EmulatedFeed(LiveFeed):
         finally:
             with self._door:
                 self._over = True
-                # An order that has just come would else wait for its answer until it times out.
+                # Otherwise an order that has just arrived would wait until it times out.
                 while not self._orders.empty():
                     self._obey()
                 self._ending.set()

@@ -47,7 +47,7 @@ class EventHistory:
             # A page may ask for events that are no longer kept, or for numbers of another source.
             first = min(max(number, gone), self._total)
             total = self._total
-            # From the end: a deque is slow in its middle.
+            # From the end, because a deque is slow in its middle.
             rows = list(itertools.islice(reversed(self._rows), total - first))
         events = [row for _, row in reversed(rows)]
         return {"first": first, "left_out": gone, "events": events}, total
@@ -162,7 +162,7 @@ class LiveFeed(abc.ABC):
         Returns:
             The update, followed by the arguments for the next call.
         """
-        # Taken once: `choose` may replace it meanwhile.
+        # Read once, because `choose` may replace it in the meantime.
         ring = self.scope
         scope, rows = ring.since(choice, row)
         events, known = self.history.since(event)

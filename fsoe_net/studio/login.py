@@ -114,7 +114,7 @@ class Login:
         session = secrets.token_urlsafe(32)
         self._sessions[session] = monotonic() + _SESSION_S
         while len(self._sessions) > _MOST_SESSIONS:
-            # The oldest one: a dictionary keeps the order.
+            # The first key is the oldest, because a dictionary keeps the order.
             del self._sessions[next(iter(self._sessions))]
         return session
 

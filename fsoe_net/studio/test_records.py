@@ -123,7 +123,7 @@ class TestRecords:
             before=_fields(body, "before"),
             now=_fields(body, "now"),
         )
-        # Two pages may enter at once: nothing must come between the check and the writing.
+        # Two pages may submit at once: nothing may happen between the check and the write.
         with self._entering:
             if _key(path, read_test_record(path)[1]) != body.get("key"):
                 raise InputError(

@@ -63,7 +63,7 @@ class LossTimes:
     def _working_counter(self, complete: bool, now_ns: int) -> None:
         if not complete:
             self._lost_ns = now_ns if self._lost_ns is None else self._lost_ns
-        # Whole again: that was a disturbance and not yet the loss.
+        # Complete again: this was a disturbance and not yet the loss.
         elif self._lost_ns is not None:
             self._lost_ns = None
             self.interruptions += 1

@@ -170,7 +170,7 @@ class _Emulation:
 
     def _trigger(self, step: TestStep, function: SafetyFunction) -> StepResult:
         slowest = 0
-        # The time depends on where in the FSoE cycle the trigger comes.
+        # The time depends on the moment of the trigger within the FSoE cycle.
         for phase in range(_PHASES):
             found = self._triggered(function, self._act_ns + phase * self._cycle_ns)
             if isinstance(found, StepResult):
@@ -292,7 +292,7 @@ class _Emulation:
         # A fixed seed: the same network gives the same result.
         config = CampaignConfig(links=campaign_links(self._resolution), seed=0)
         result = run_campaign(config, (step.subject,), self._faults)
-        # A campaign returns what it has after Ctrl-C, which would pass for a whole step here.
+        # After Ctrl-C a campaign returns partial results, which would count as a complete step.
         if result.interrupted:
             raise KeyboardInterrupt
         (row,) = result.classes

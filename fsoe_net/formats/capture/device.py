@@ -140,7 +140,7 @@ def _managers(
         row = _enabled(row)
         listed = station.assigned(number) if number in _PROCESS_DATA else None
         sii = stored.get(number)
-        # With any sync manager in sight, one that was not written is not in use.
+        # If any sync manager was written, the ones that were not written are not in use.
         in_eeprom = sii is not None and bool(sii.pdos) and not registers
         if row is None and not listed and not in_eeprom:
             continue

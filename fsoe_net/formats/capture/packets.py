@@ -212,7 +212,7 @@ class CaptureReader:
             raise _DamageError("a packet block is too short")
         if kind == _SIMPLE_PACKET:  # it has no time
             (original,) = struct.unpack_from(order + "I", body)
-            # The body is filled up to 4 bytes, and the length of what was kept is not stated.
+            # The body is padded to 4 bytes, and the number of captured bytes is not stated.
             return self._block(0, 0, body, 4, min(original, len(body) - 4), original)
         number, _, high, low, size, original = struct.unpack_from(order + "HHIIII", body)
         return self._block(number, high << 32 | low, body, 20, size, original)

@@ -101,7 +101,7 @@ class Ring:
         self.count = datagram.address or None
         register, data = datagram.register, datagram.data
         if datagram.command == DatagramCommand.BWR:
-            # Kept for SubDevices that are seen later: the broadcast has set their registers also.
+            # Kept for SubDevices that appear later: the broadcast has also set their registers.
             kept = register in FMMUS or register in MANAGERS or register == _AL_CONTROL
             if kept and len(self._for_all) < len(FMMUS):
                 self._for_all[register] = data
@@ -158,7 +158,7 @@ class Ring:
         address = int.from_bytes(data[:2], "little")
         if len(data) < 2 or not address:
             return
-        # Other addresses for another number of SubDevices: the bus started again.
+        # Different addresses for a different number of SubDevices mean that the bus has restarted.
         if self._assigned_with not in (None, self.count) and station.address != address:
             self.restarted = packet
             place = station.position

@@ -157,7 +157,7 @@ class SdoFollower:
 
     def _abort(self, body: bytes) -> SdoAbort | None:
         now = self._now
-        # An abort may come without its object, with index and subindex 0.
+        # An abort may state no object: index and subindex are then 0.
         if now is None or _place(body) not in ((now.index, now.subindex), (0, 0)):
             return None
         self._now = None

@@ -110,7 +110,7 @@ class SiiReads:
             if kind is None or length is None or at + 2 + length > _MOST_WORDS:
                 whole = False
                 break
-            # Some images end in zeros without an end mark.
+            # Some images end with zeros instead of an end mark.
             if kind == 0 and length == 0:
                 break
             known = self._beginning(at + 2, length)

@@ -189,7 +189,7 @@ class Station:
         found = []
         for at in range(FMMUS.start, FMMUS.stop, 16):
             row = self._bytes(at, 13)
-            # Only whole bytes: an FMMU of single bits cannot carry a frame.
+            # Only whole bytes: an FMMU for single bits cannot carry a frame.
             if row is None or not row[12] & 1 or row[6] or row[7] != 7 or row[10]:
                 continue
             length = int.from_bytes(row[4:6], "little")

@@ -286,7 +286,7 @@ def _wrap_hint(bit: int, image: ImageMap) -> str:
 
 def _merged(copies: list[RawCopy]) -> list[_Run]:
     runs: list[_Run] = []
-    # Neighbours of one run have the same distance from source to destination.
+    # Adjacent copies of one run have the same distance from source to destination.
     for copy in sorted(copies, key=lambda c: (c.source_bit - c.destination_bit, c.source_bit)):
         last = runs[-1] if runs else None
         shift = copy.source_bit - copy.destination_bit

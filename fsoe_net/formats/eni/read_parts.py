@@ -129,7 +129,7 @@ def _command(cmd: Element, parts: EniParts, out: Collector) -> None:
             )
         for info in infos.all("CopyInfo"):
             _copy(info, parts, out)
-    # A MainDevice polls mailbox states with a logical read of its own: not process data.
+    # A MainDevice polls mailbox states with a separate logical read that is not process data.
     if code not in _LOGICAL or address is None or address == parts.mailbox_address:
         return
     parts.commands.append(

@@ -335,7 +335,7 @@ def _registers(commands: Element | None, out: Collector) -> tuple[tuple[Fmmu, ..
         if code not in _WRITES or register is None:
             continue
         if register == _DC_ACTIVATION:
-            # Start-up stops the clock with 0 before it is set; the value that starts it counts.
+            # Start-up first stops the clock with 0; only the value that starts it counts.
             activate = int.from_bytes(_hex(cmd.first("Data"), out)[:2], "little") or activate
         if register in _FMMU_REGISTERS and register % 16 == 0:
             data = _hex(cmd.first("Data"), out)
@@ -380,7 +380,7 @@ def _sdos(
         data = _hex(cmd.first("Data"), out)
         if any(index in group for group in _ASSIGNMENT):
             assigning += 1
-            # Complete access begins at subindex 0 but writes entries also.
+            # Complete access begins at subindex 0 but also writes the entries.
             objects.add((index, max(subindex, int(_is_complete(cmd)))))
         elif len(data) not in _FORMATS or _is_complete(cmd):
             other += 1

@@ -91,7 +91,7 @@ def _copy_bits(
             name = description.subdevices[end.subdevice].name
             raise InputError(f"{name}: Sm{end.sm_index} holds no {direction.value} to copy")
         piece, command = found
-        # A MainDevice copies when the source has returned, so CopyInfos belong to that command.
+        # A MainDevice copies when the source command returns, so CopyInfos belong to that command.
         address = command.address if direction is Direction.INPUT else address
         if end.bit_offset + copy.bits > piece.layout.bits:
             name = description.subdevices[end.subdevice].name
@@ -109,7 +109,7 @@ def _lines(
     yield '<EtherCATConfig Version="1.3">'
     yield "<Config>"
     yield "<Master><Info><Name>Master</Name><Destination>ffffffffffff</Destination>"
-    # Bytes in the order of memory: 0x88A4 is EtherCAT.
+    # Bytes in memory order: 0x88A4 is EtherCAT.
     yield "<Source>000000000000</Source><EtherType>a488</EtherType></Info>"
     yield from _master_commands()
     yield "</Master>"

@@ -96,7 +96,7 @@ def _edits(
     data: bytes, command: _Cmd, copies: list[tuple[int, int, int]]
 ) -> list[tuple[int, int, bytes]]:
     """Return the replacements in one command, with their positions."""
-    # The new lines take the line break and the indent of this file: a diff shows only copies.
+    # New lines use the line break and indent of this file, so that a diff shows only copies.
     last = command.end
     while last > 0 and data[last - 1] in _BLANK:
         last -= 1
@@ -182,7 +182,7 @@ class _Finder:
         here = self._parser.CurrentByteIndex
         if self._in_command():
             command = self.commands[-1]
-            # The first of several counts, as the reader of ENIs takes it.
+            # The first of several counts, as in the reader of ENIs.
             command.values.setdefault(name, "".join(self._text).strip())
             if name == "CopyInfos":
                 end = self._data.index(b">", here) + 1

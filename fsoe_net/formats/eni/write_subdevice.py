@@ -24,7 +24,7 @@ _FIRST_ADDRESS = 1001
 # Control byte (ETG.1000.4): bit 2 is written by the MainDevice, bit 5 signals the application.
 _CONTROL = {Direction.OUTPUT: 0x24, Direction.INPUT: 0x20}
 _WATCHDOG_BIT = 0x40
-# The same with 2 in bits 0 and 1: one buffer with handshake instead of three.
+# The same, but bits 0 and 1 are 2: one buffer with handshake instead of three.
 _MAILBOX_CONTROL = (0x26, 0x22)
 _POLL_MS = 20
 _SYNC0 = 0x0200  # of AssignActivate: SYNC0 is generated
@@ -49,7 +49,7 @@ def slave_lines(
     yield "<Info>"
     yield f"<Name>{plain_text(sub.name)}</Name>"
     yield f"<PhysAddr>{_station(position)}</PhysAddr>"
-    # Each SubDevice adds 1 and the one that reads 0 is addressed (ETG.1000.4).
+    # Each SubDevice adds 1, and the SubDevice that reads 0 is addressed (ETG.1000.4).
     yield f"<AutoIncAddr>{-position & 0xFFFF}</AutoIncAddr>"
     if start.physics:
         yield f"<Physics>{plain_text(start.physics)}</Physics>"
@@ -203,7 +203,7 @@ def _init_commands(
                 "IP", FPWR, address, 0x0800 + 8 * number, data, comment=f"mailbox SM{number}"
             )
     yield from al_state("IP", address)
-    # A SubDevice checks process data when SAFEOP is requested, so all below comes before it.
+    # A SubDevice checks process data when SAFEOP is requested, so the following comes first.
     for number, piece in enumerate(pieces):
         yield register(
             "PS", FPWR, address, 0x0600 + 16 * number, _fmmu(piece), comment=f"FMMU {number}"
@@ -218,7 +218,7 @@ def _init_commands(
                 "PS", FPWR, address, 0x0800 + 8 * sm.index, data, comment=f"SM{sm.index}"
             )
     if period_ns is not None:
-        # Before 0x0980, which starts SYNC0 with the period that it finds.
+        # Written before 0x0980, which starts SYNC0 with the period that is set at that time.
         data = period_ns.to_bytes(4, "little") + bytes(4)
         yield register("PS", FPWR, address, 0x09A0, data, comment="SYNC0 period")
     if sub.device.assign_activate:
@@ -236,7 +236,7 @@ def _sm_register(start: int, size: int, control: int) -> bytes:
 
 def _fmmu(piece: Piece) -> bytes:
     sm = piece.layout.sm
-    # Access as an FMMU has it: 1 read, 2 write by the MainDevice.
+    # Access as in an FMMU: 1 is read, 2 is write by the MainDevice.
     kind = 1 if sm.direction is Direction.INPUT else 2
     last_bit = 7 if piece.layout.bits % 8 == 0 else piece.layout.bits % 8 - 1
     return (

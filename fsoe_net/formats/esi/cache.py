@@ -80,7 +80,7 @@ def keep_catalogue(sha256: str, catalogue: EsiCatalogue) -> None:
             with os.fdopen(handle, "wb") as file:
                 file.write(hashlib.sha256(body).hexdigest().encode() + b"\n" + body)
             os.replace(temporary, path)  # readers find the old file or the complete new one
-        # Also on Ctrl-C, so that the folder does not fill with temporary files.
+        # Also on Ctrl-C, so that no temporary files accumulate in the folder.
         except BaseException:
             os.unlink(temporary)
             raise
@@ -135,7 +135,7 @@ def _row(row: Any, size: int) -> EsiRow | None:
             right = type(value) is int and value >= 0
         if not right:
             return None
-    # The offsets cut the ESI file, so they must lie inside it.
+    # The offsets divide the ESI file, so they must be inside it.
     if row["kind"] not in ("device", "module") or not row["offset"] < row["end"] <= size:
         return None
     return EsiRow(**row)

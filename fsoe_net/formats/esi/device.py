@@ -88,7 +88,7 @@ class _DeviceReader:
         module: Callable[[int, Span], Element | None],
     ) -> DescribedSubDevice | None:
         pdos, sdos = self._part(self._element, PartReader(self._out))
-        # Reversed, so that of two PDOs with one number the first counts.
+        # Reversed, so that the first of two PDOs with the same number counts.
         self._at = {(p.pdo.index, p.direction): n for n, p in reversed([*enumerate(pdos)])}
         idents: list[int] = []
         added = False
@@ -259,7 +259,7 @@ class _DeviceReader:
                 direction: Direction | None = Direction.OUTPUT
             elif word in ("inputs", "mboxin"):
                 direction = Direction.INPUT
-            # Without a word the control byte shows the use; a start of 0 means that it is not used.
+            # Without a word, the control byte shows the use; a start address of 0 means unused.
             elif control is None or not start:
                 direction = None
             else:

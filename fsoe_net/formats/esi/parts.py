@@ -253,7 +253,7 @@ def slot_places(slots: Element | None, out: Collector, most: int) -> list[SlotPl
         idents = [(esi_number(m.text), m) for m in slot.all("ModuleIdent")]
         fits = tuple(i for i, _ in idents if i is not None)
         defaults = [i for i, m in idents if i is not None and flag(m, "Default")]
-        # One default module is meant for all instances that must be there.
+        # One default module applies to all mandatory instances.
         if len(defaults) == 1:
             defaults *= max(least, 1)
         wanted = min(max(len(defaults), least, most - number), count)
@@ -270,7 +270,7 @@ def slot_places(slots: Element | None, out: Collector, most: int) -> list[SlotPl
                     span=slot.span,
                 )
             )
-        # Instances count even where none is used: increments go by the number of the slot.
+        # Unused instances also count, because increments depend on the slot number.
         number += count
     return places
 

@@ -167,7 +167,7 @@ class _File:
 
     def _fits(self, kept: EsiCatalogue) -> bool:
         tags = {"device": b"<Device", "module": b"<Module"}
-        # A piece that does not begin at its tag would be read as another device.
+        # A part that does not begin at its tag would be read as another device.
         return all(self._data.startswith(tags[r.kind], r.offset) for r in kept.rows)
 
     def device(self, row: EsiRow, choice: EsiChoice, out: Collector) -> DescribedSubDevice | None:
@@ -213,7 +213,7 @@ class _File:
         """Parse the piece of the file that a row of the catalogue refers to."""
         data, tag = self._data, b"</Device>" if row.kind == "device" else b"</Module>"
         piece = data[row.offset : row.end]
-        # The piece ends before its closing tag; an element such as <Device/> has none.
+        # The part ends before its closing tag; an element such as <Device/> has no closing tag.
         if data[row.end : row.end + len(tag) - 1] == tag[:-1]:
             piece += tag
         found = Collector()

@@ -43,7 +43,7 @@ def _choices(catalogue: EsiCatalogue, wanted: Iterable[DescribedSubDevice]) -> s
     choices = set()
     for sub in wanted:
         own = (sub.device.vendor_id, sub.device.product_code)
-        # By identity if it is known, else by order number; if two vendors have it, none is taken.
+        # By identity if known, otherwise by order number if only one vendor has it.
         same = offered.get(own if own[1] else sub.order.casefold() or None, set())
         if len(same) == 1:
             vendor, product = next(iter(same))

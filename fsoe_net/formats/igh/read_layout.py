@@ -304,7 +304,7 @@ def _described(config: _Config, text: Pasted, *, last: bool) -> DescribedSubDevi
     ring = config.ring
     return DescribedSubDevice(
         span=config.span,
-        # Without an alias the position of a configuration is one in the ring.
+        # Without an alias, the position of a configuration is the position in the ring.
         position=config.position if ring is None and not config.alias else ring,
         alias=config.alias,
         device=device,
@@ -376,7 +376,7 @@ def _grouped(fmmus: list[_Fmmu], text: Pasted) -> list[DescribedSubDevice]:
         rows.append(
             DescribedSubDevice(
                 span=members[0].span,
-                # With an alias it counts from the SubDevice that has it.
+                # With an alias, it counts from the SubDevice that has the alias.
                 position=position if not alias else None,
                 alias=alias,
                 device=Device(path=text.shown, vendor_id=0, product_code=0, sync_managers=managers),

@@ -37,9 +37,9 @@ def read_xml(data: bytes, shown: str, out: Collector) -> Description | None:
     if not ends or ("<EtherCATInfoList" in body and "</EtherCATInfoList>" not in body):
         _cut(data, shown, out)
         return None
-    # Blanked, since a declaration is valid only at the very beginning; deleting it moves columns.
+    # Blanked, because a declaration is only valid at the very beginning; deleting moves columns.
     body = re.sub(r"<\?xml.{0,200}?\?>", lambda m: " " * len(m[0]), body[: ends[-1]])
-    # Lines before the XML stay as empty ones, so that places are those of the user's file.
+    # Lines before the XML become empty lines, so that line numbers match the user's file.
     escaped = "\n" * before.count("\n") + _TYPE.sub(_escaped, _NAME.sub(_escaped, body))
     root = parse_xml(
         escaped.encode("utf-8", "replace"), shown, out, what="the output of `ethercat xml`"
@@ -50,7 +50,7 @@ def read_xml(data: bytes, shown: str, out: Collector) -> Description | None:
     positions = [int(m[1]) for m in _COMMENT.finditer(body)]
     rows = []
     for number, info in enumerate(infos):
-        # Comments give the positions; if one is missing, which one is not known.
+        # Comments give the positions; if a comment is missing, it is unknown which one.
         position = positions[number] if len(positions) == len(infos) else None
         rows += _devices(info, position, shown, out)
     return Description(span=root.span, format="ethercat-xml", path=shown, subdevices=tuple(rows))

@@ -56,7 +56,7 @@ def load_lcec(
         return None
     names = [_names_of(e, n, out) for n, e in enumerate(masters)]
     known = listed([" or ".join(row) for row in names])
-    # No name given is the empty text, which the first master matches.
+    # A missing name is the empty text, which matches the first master.
     chosen = next((n for n, row in enumerate(names) if master in (*row, "")), None)
     if chosen is None:
         message = f"this file has no master {master!r}"
@@ -134,7 +134,7 @@ class _Master:
             ]
             if wanted:
                 logics.append(_Logic(number, wanted))
-        # Nanoseconds in the file.
+        # The file states nanoseconds.
         period = _number(self._element, "appTimePeriod", self._out)
         return Description(
             span=self._element.span,

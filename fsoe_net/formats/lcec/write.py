@@ -186,7 +186,7 @@ class _Configuration:
             for entry in pdo.entries:
                 if entry.bits > _LONGEST_BITS and not entry.is_gap:
                     raise InputError(f"{name}: {entry.address} has {entry.bits} bits; 255 fit")
-                # Padding may be longer than an entry can be and is split; data cannot.
+                # Padding that is longer than the longest entry is split; data cannot be split.
                 for first in range(0, max(entry.bits, 1), _LONGEST_BITS):
                     yield _entry(entry, min(_LONGEST_BITS, entry.bits - first), pins)
             yield "        </pdo>"

@@ -70,7 +70,7 @@ def parse_acceptance(data: bytes, file: str, out: Collector) -> Acceptance | Non
         )
         return None
     check_structure(root, "acceptance", out)
-    # Any finding ends it, even a remark: what was signed must be read in full.
+    # Any finding stops the reader, even a remark: a signed record must be read completely.
     if len(out.diagnostics) > before:
         return None
     record = _record(root, out)

@@ -108,7 +108,7 @@ class _Assembly:
         if _looks_like_xml(data):
             self._add_urdf(path)
             return
-        # Kept back: if the file is one of another tool, that is the better answer.
+        # Held back: if the file belongs to another tool, that is the better message.
         found = Collector()
         root = parse_yaml(data, path, found)
         if root is None and _refuse_known(data, Span(path, 1, 1), self.out):

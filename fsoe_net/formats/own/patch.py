@@ -66,7 +66,7 @@ def patch_yaml(data: bytes, file: str, edits: Iterable[Edit]) -> tuple[bytes, fr
         if place is not None:
             made[edit] = place
             wanted.setdefault(place, set()).add(edit.text)
-    # From the end, so that the places before it stay valid.
+    # From the end, so that earlier places stay valid.
     for begin, end in sorted(wanted, reverse=True):
         if len(wanted[begin, end]) == 1:
             text = text[:begin] + next(iter(wanted[begin, end])) + text[end:]

@@ -111,7 +111,7 @@ def load_scenario(
         logic=_logic(root.get("logic"), out),
         drives=read_drives(root.get("drives"), out),
         steps=tuple(
-            # Stable: steps of one moment keep the order of the file.
+            # The sort is stable: steps with the same time keep the order of the file.
             sorted(
                 (step for node in root.maps("steps") for step in _steps(node, out)),
                 key=lambda s: s.at_ns,

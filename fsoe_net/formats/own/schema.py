@@ -176,7 +176,7 @@ class _Shapes:
             if key not in self._worded:
                 return self._kind(node)
             shape = _plain(node)
-            # 1 equals True in Python, so the type is a part of the shape.
+            # 1 equals True in Python, so the type is part of the shape.
             shape = (type(shape), shape)
         elif isinstance(node, MapNode):
             pairs = node.pairs
@@ -412,7 +412,7 @@ def _wrong_type(node: Node, error: SchemaError, out: Collector) -> None:
         hint = "start each item with `- `"
     elif names[0] == "object" and isinstance(node, SeqNode):
         hint = "delete the `- ` in front of the keys"
-    # The readers of numbers do not report this value a second time.
+    # The number readers do not report this value again.
     out.mistyped.add(node.span)
     out.add(
         "FSN111", node.span, f"{_where(error.path)} must be {expected}, it is {found}", hint=hint

@@ -167,7 +167,7 @@ def _pdos(root: MapNode, key: str, out: Collector) -> tuple[Pdo, ...] | None:
         pdos.append(
             Pdo(span=node.span, fields=node.places(), index=index or 0, entries=tuple(good))
         )
-    # An entry of unknown length moves all that follow: no layout is better than a wrong one.
+    # An entry of unknown length shifts all later ones: no layout is better than a wrong one.
     return tuple(pdos) if sure else None
 
 

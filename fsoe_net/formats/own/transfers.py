@@ -38,7 +38,7 @@ def nets_from_yaml(root: MapNode, out: Collector, *, needed: bool = True) -> tup
     """
     nets = [_net(node, out) for node in root.maps("nets")]
     if not nets and isinstance(root.get("nets"), (SeqNode, type(None))):
-        # An unknown key may be meant for `nets` and has a finding of its own.
+        # An unknown key may be a misspelt `nets` and has its own finding.
         misspelt = any(k not in ("nets", "safety_modules", "transfer_modules") for k in root.pairs)
         if "nets" in root.pairs or not misspelt:
             out.add(
@@ -167,7 +167,7 @@ def _connection(node: MapNode, out: Collector) -> ConnectionFacts | None:
     facts = {key: own_int(node, key, 0xFFFF, out) for key in _FACTS[:3]}
     slots = {key: own_int(node, key, 0xFFFF, out) for key in ("slot", "sub_slot")}
     parameters = _parameters(node, out)
-    # A slot that cannot be read must not become any slot.
+    # An unreadable slot must not be treated as "no slot stated".
     if main is None or sub is None or any(slots[k] is None for k in slots if k in node.pairs):
         return None
     unknown = set(node.pairs) - {"main", "sub", *slots, *_FACTS}
@@ -262,7 +262,7 @@ def _address(node: MapNode, key: str, out: Collector) -> int | None:
     if re.fullmatch(r"0|[1-9][0-9]{0,5}", text) and int(text) <= 0xFFFF:
         return int(text)
     digits = re.match(r"\s*\+?([0-9]+)", text)
-    # Nine digits decide: Python refuses to convert thousands of them.
+    # At most nine digits: Python refuses to convert thousands of digits.
     if re.fullmatch(r"[0-9]+", text) and int(text[:9]) > 0xFFFF:
         out.add("FSN113", node.at(key), f"{key} {text} is outside 0 … 65535", hint="correct it")
         return None

@@ -231,7 +231,7 @@ class NetworkFiles:
                     continue
                 parts.append(f"slot: {slot}")
             parts += _facts_of(row)
-            # Without facts the transfers alone describe the connection.
+            # If no facts are stated, the transfers alone describe the connection.
             if len(parts) > 2:
                 rows.append(f"      - {{{', '.join(parts)}}}")
         if rows:

@@ -167,7 +167,7 @@ def read_address(params: Params, name: str, out: Collector) -> int | None:
         return None
     span = params.span(name)
     if re.fullmatch(r"0|[1-9][0-9]*", text):
-        # The length first: Python refuses to convert thousands of digits.
+        # The length is checked first: Python refuses to convert thousands of digits.
         if len(text) <= 5 and int(text) <= _MAX_ADDRESS:
             return int(text)
         message = f"{name} {_short(text)} is outside 0 … {_MAX_ADDRESS}"

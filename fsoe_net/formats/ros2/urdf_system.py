@@ -260,7 +260,7 @@ def _of_several_components(modules: list[ModuleDecl]) -> list[ModuleDecl]:
     for number, decl in enumerate(modules):
         (component,) = decl.components
         key: object = number
-        # Without a file nothing shows that two tags mean the same SubDevice.
+        # Without a file, it is unknown whether two tags mean the same SubDevice.
         if decl.slave_config:
             key = (decl.name, decl.alias, decl.position, decl.slave_config)
         if component in groups.get(key, (decl, {}))[1]:

@@ -130,7 +130,7 @@ class _Xacro:
         data = read_bytes(filename, out)
         self._read += [row.path for row in out.sources]
         if data is None:
-            # As xacro itself does, lest this file is named as the one in work.
+            # As in xacro itself: otherwise messages would name this file as the one in process.
             self._xacro.filestack.pop()
             message = out.diagnostics[0].message
             # xacro ignores exactly this exception for an optional include.

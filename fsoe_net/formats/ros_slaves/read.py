@@ -48,7 +48,7 @@ def load_ros_slaves(source: Source, out: Collector, *, name: str = "<yaml>") -> 
         for key, node in table.pairs.items()
         if isinstance(node, MapNode)
     ]
-    # The file is a map by name, and its order is not that of the ring.
+    # The file is a map by name, and its order is not the ring order.
     rows.sort(key=lambda s: (s.position is None, s.position))
     return Description(
         span=table.span,

@@ -92,7 +92,7 @@ class Pasted:
             self.cut(line, f"{text[:20]!r} replaces lines that were left out")
         elif known and line.last:
             self.cut(line, f"{text[:60]!r} is not a whole line")
-        # Only the first one: a paste that was edited has many.
+        # Only the first one, because an edited paste has many.
         elif known and self.last_good is not None and self._strange == 0:
             self._strange += 1
             shown = text if len(text) <= 60 else text[:57] + "..."

@@ -80,7 +80,7 @@ def _write_parts(files: Mapping[Path, bytes], *, overwrite: bool) -> None:
                 _link(part, path)
             if is_new:
                 made.append(path)
-        # All files are in place: none is taken back.
+        # All files are in place, so none is removed.
         made.clear()
     except OSError as exc:
         why = exc.strerror if path.parent.is_dir() else f"missing folder {path.parent}"
@@ -94,7 +94,7 @@ def _write_parts(files: Mapping[Path, bytes], *, overwrite: bool) -> None:
 def _link(part: Path, path: Path) -> None:
     """Give a file its name unless that exists by now."""
     try:
-        # link() fails if the name exists by now; replace() would not.
+        # link() fails if the name now exists; replace() would not.
         os.link(part, path)
     except FileExistsError:
         refuse_present(path)

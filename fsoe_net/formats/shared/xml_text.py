@@ -38,7 +38,7 @@ def plain_xml(data: bytes) -> bytes:
         return data
     encoding = _python_name(_declared(match[2]))
     known = encoding in _OF_EXPAT
-    # expat reads it as it is, unless blanks come before the declaration.
+    # expat reads it unchanged, unless blanks precede the declaration.
     if not encoding or (known and not match[1]):
         return data
     try:

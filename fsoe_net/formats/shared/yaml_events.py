@@ -20,9 +20,9 @@ from fsoe_net.formats.shared.files import Collector
 MAX_DEPTH = 64
 DEEPER = f"nested deeper than {MAX_DEPTH} levels"
 FLATTER = "no file of this kind needs more than a dozen levels"
-# Message of newer builds of libyaml for more than 1000 nested flow lists.
-# Of a key below a key that has a value already, with and without a comment after the value.
+# A key below a key that already has a value, with and without a comment after the value.
 _TOO_DEEP_KEY = ("did not find expected key", "mapping values are not allowed in this context")
+# Message of newer builds of libyaml for more than 1000 nested flow lists.
 _TOO_DEEP = "exceeded maximum nesting depth"
 MAX_PARTS = 4_000_000  # about 150 bytes each; 65 535 SubDevices with all facts have 2 500 000
 MAX_ALIASED = 1_000_000
@@ -175,7 +175,7 @@ class EventReader(ABC):
         done = self._stack.pop()
         self._top = self._stack[-1] if self._stack else None
         if done.anchor is not None:
-            # Its size as if written out, which each alias of it adds again.
+            # Its expanded size, which each alias of it adds again.
             parts = self._count - done.count + self._aliased - done.aliased
             self._anchors[done.anchor] = (done.node, parts)
         self._attach(done.node, event)

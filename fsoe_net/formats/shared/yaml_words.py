@@ -37,7 +37,7 @@ def scalar(value: Any, *, like: str = "", is_in_brackets: bool = False) -> str:
     quote = like[:1] if isinstance(value, str) and like[:1] in ("'", '"') else None
     if isinstance(value, str) and ("\n" in value or not (quote or _is_text(value))):
         quote = '"'
-    # In brackets more words need quotes, so the value is dumped in a list and taken out of it.
+    # In brackets, more words need quotes, so the value is dumped in a list and extracted from it.
     text = yaml.dump(
         [value] if is_in_brackets else value,
         Dumper=_DUMPER,

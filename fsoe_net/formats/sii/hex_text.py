@@ -102,7 +102,7 @@ def _row(text: str, *, swapped: bool) -> bytes:
     text = text.split("|")[0]
     row = bytearray()
     for number, word in enumerate(text.replace("  ", " \0 ").split(" ")):
-        # `hexdump -C` has two blanks after 8 bytes also; any others begin the column of text.
+        # `hexdump -C` also has two blanks after 8 bytes; any others begin the text column.
         if word == "\0" and len(row) != 8:
             break
         if not word or word == "\0":
@@ -118,7 +118,7 @@ def _row(text: str, *, swapped: bool) -> bytes:
 def _put(image: bytearray, at: int, body: bytes, number: int) -> None:
     if at + len(body) > MAX_EEPROM_BYTES:
         raise InputError(f"line {number}: address 0x{at:x} is beyond any such image")
-    # A lost line would move all that follows to another word address.
+    # A lost line would shift all later data to another word address.
     if at != len(image):
         raise InputError(f"line {number}: it begins at 0x{at:x}; 0x{len(image):x} would follow")
     image += body

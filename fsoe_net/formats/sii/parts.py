@@ -124,7 +124,7 @@ def sii_pdos(body: bytes, direction: Direction) -> tuple[list[SiiPdo], str]:
             rest = body[at:]
             return found, f"{len(rest)} bytes are left over" if any(rest) else ""
         index, count, sm, _, name, flags = _PDO.unpack_from(body, at)
-        # Some vendors fill the category up with zeros.
+        # Some vendors pad the category with zeros.
         if index == 0 and count == 0:
             return found, "zeros follow the last PDO" if any(body[at:]) else ""
         at += _PDO.size

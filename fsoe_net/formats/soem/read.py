@@ -178,7 +178,7 @@ def _compare_sizes(slave: _Slave, text: Pasted, *, is_last: bool) -> None:
         want, got = slave.sizes.get(word), slave.bits(direction)
         if want is None or want == got:
             continue
-        # A paste is cut off at its end only; elsewhere a difference means changed lines.
+        # A paste is truncated only at its end; a difference elsewhere means changed lines.
         if is_last and got < want:
             text.cut(text.lines[-1], f"{got} of {want} bits of {word.lower()}s are there")
         else:
@@ -203,7 +203,7 @@ def _described(slave: _Slave, shown: str, *, truncated: bool) -> DescribedSubDev
         if flags is not None:
             # Bit 6 of the control byte is the trigger of the watchdog (ETG.1000.4).
             manager.watchdog = Watchdog.ENABLE if flags & 0x40 else Watchdog.DISABLE
-        # The PDO without a number that each one begins with stays empty where PDOs are numbered.
+        # Each sync manager begins with an unnumbered PDO, which stays empty if PDOs are numbered.
         manager.pdos = [pdo for pdo in manager.pdos if pdo[2]]
         managers.append(manager.built())
     if any(p.index == 0 for m in managers for p in m.pdos or ()):
@@ -217,7 +217,7 @@ def _described(slave: _Slave, shown: str, *, truncated: bool) -> DescribedSubDev
     return DescribedSubDevice(
         span=slave.span,
         name=slave.name,
-        # SOEM counts from 1; 0 here is a map that was pasted without its list.
+        # SOEM counts from 1; here 0 means a map that was pasted without its list.
         position=slave.number - 1 if slave.number else None,
         device=device,
         available=tuple(available),

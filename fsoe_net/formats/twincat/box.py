@@ -95,7 +95,7 @@ class Box:
         rows = self.variables.get((rest[-2], rest[-1]), [])
         if len(rest) == 3 and rest[0] in self.modules:
             rows = [r for r in rows if r[0] in self.modules[rest[0]]]
-        # Two PDOs with a variable of this name: no copy is better than one of the wrong bytes.
+        # Two PDOs have a variable of this name: no copy is better than a copy of the wrong bytes.
         return rows[0][1] if len(rows) == 1 else None
 
 
@@ -202,7 +202,7 @@ class _BoxReader:
             if direction is None:
                 continue
             bits = sum(p.bits for p in carried)
-            # After an entry of unknown length every later bit would be at a wrong place.
+            # After an entry of unknown length, every later bit would be in the wrong place.
             if index in self._broken:
                 carried = []
             elif length and (bits + 7) // 8 != length:

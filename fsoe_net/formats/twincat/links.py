@@ -111,7 +111,7 @@ class _Links:
 
     def _end(self, text: str) -> _End:
         parts = tuple(text.split("^", _DEEPEST)[1:])
-        # Boxes nest, so the longest path that is a box owns the variable.
+        # Boxes can be nested, so the box with the longest path owns the variable.
         for cut in range(len(parts) - 1, 0, -1):
             number = self._by_path.get(parts[:cut])
             if number is not None:

@@ -154,7 +154,7 @@ class _Project:
             name, bits = element.first("Name"), element.first("BitSize")
             number = None if bits is None else esi_number(bits.text)
             if name is not None and number is not None and number > 0:
-                # Libraries have different types of one name; the GUID distinguishes them.
+                # Libraries have different types with the same name; the GUID distinguishes them.
                 key = (name.text.strip(), name.attributes.get("GUID", ""))
                 self._types[key] = number
 
@@ -191,7 +191,7 @@ class _Project:
             self._refuse(boxes[0], f"boxes nested deeper than {_DEEPEST} levels")
             return
         for child in boxes:
-            # One more than allowed is kept, so that the limit is reported.
+            # One more than the limit is kept, so that the limit is reported.
             if len(master.rows) > MOST_SUBDEVICES or self._is_refused:
                 return
             element, file = self._whole(child, shown, path)
@@ -253,7 +253,7 @@ class _Project:
                 hint="give the folder of the project whole, with its _Config/IO",
             )
             return None
-        # One limit for the files of a project together.
+        # One limit for all files of a project together.
         data = read_bytes(found, self._out, most=MAX_PROJECT_BYTES - self._bytes)
         self._bytes += len(data or b"")
         root = None if data is None else _parse(data, found, self._out)

@@ -120,7 +120,7 @@ def read_group(path: str, out: Collector) -> SafetyProject:
 
 def _sds_files(folder: str) -> list[str]:
     try:
-        # Links could lead out of the project.
+        # Links could lead outside the project.
         rows = [e for e in os.scandir(folder) if e.is_file(follow_symlinks=False)]
     except OSError:
         return []

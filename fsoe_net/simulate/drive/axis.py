@@ -199,7 +199,7 @@ class EmulatedAxis:
         """Return the requested mode, or the current one if it does not exist."""
         objects = self.objects
         wanted = objects.value(0x6060)
-        # A drive that is fixed to one mode: the target that is mapped shows which.
+        # The drive is fixed to one mode; the mapped target shows which one.
         if not wanted and not objects.is_mapped(0x6060):
             mapped = filter(objects.is_mapped, _MODE_OF_TARGET)
             wanted = next((_MODE_OF_TARGET[index] for index in mapped), 0)
@@ -290,7 +290,7 @@ class EmulatedAxis:
                 0x6077: round(servo.torque_nm * torque),
                 0x60F4: round(servo.error * turns),
                 0x60FC: wanted,
-                # Bits 0 … 2: limit and home switches; from 16 on: of the maker (CiA 402).
+                # Bits 0 … 2: limit and home switches; from bit 16 on: vendor-specific (CiA 402).
                 0x60FD: low | high << 1 | home << 2 | self._torque_taken << 31,
             }
         )

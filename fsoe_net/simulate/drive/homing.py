@@ -18,7 +18,7 @@ _METHODS = {
     21: (_HOME, -1, +1),
     22: (_HOME, -1, -1),
 }
-# Both take the current position as home; 35 is the older number.
+# Both use the current position as home; 35 is the older number.
 _HERE = (35, 37)
 
 

@@ -167,7 +167,7 @@ class CyclicVelocity(ModeBase):
     def move(self, step_s: float) -> None:
         """Control the speed."""
         servo = self.c.servo
-        # The reference goes along, so that the next mode begins where the motor is.
+        # The reference follows the motor, so that the next mode begins at its position.
         servo.angle, servo.speed, servo.rate = servo.plant.angle, self._speed, 0.0
         servo.control_speed(self._speed, self.c.limits, step_s)
 

@@ -98,7 +98,7 @@ def _defaults(setup: DriveSetup) -> dict[tuple[int, int], int]:
 
 def _interpolation(cycle_s: float) -> dict[tuple[int, int], int]:
     """Return a bus cycle as the interpolation time period: value and power of ten."""
-    # The coarsest unit that fits exactly: 0x60C2:01 has 8 bits only.
+    # The coarsest unit that fits exactly: 0x60C2:01 has only 8 bits.
     exponent = next(e for e in (-3, -4, -5, -6) if e == -6 or _is_whole(cycle_s, e))
     return {(0x60C2, 1): min(255, max(1, round(cycle_s / 10**exponent))), (0x60C2, 2): exponent}
 
