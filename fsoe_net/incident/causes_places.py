@@ -178,7 +178,7 @@ def swapped_key(e: IncidentEvidence, one: str, *others: str) -> str:
     the addresses were exchanged. Otherwise only the person at the machine can find out.
     """
     names = [one, *others]
-    # Of different types, the devices cannot have been exchanged: each is at its position.
+    # Devices of different types cannot have been exchanged: each is at its position.
     if len({e.type_of(name) for name in names}) > 1:
         return "addresses_swapped"
     # A device that never left the bus cannot have been moved.

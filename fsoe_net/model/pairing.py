@@ -115,7 +115,7 @@ def pair_by_lengths(
     for sub in subs:
         slots = tuple(m for m in mains if m.fits(sub))
         rivals = tuple(s for s in subs if s.lengths == sub.lengths and s is not sub)
-        # Decided only if nothing else with these lengths is left on either side.
+        # Decided only if no other frame with these lengths is left on either side.
         if len(slots) == 1 and not rivals and sub.lengths not in unknown:
             settled.append((slots[0], sub))
             continue

@@ -80,7 +80,7 @@ class Guard:
         # Browsers leave out the port of https when it is 443.
         if self._scheme == "https" and port == 443:
             self._hosts |= set(hosts)
-        self._cookie = f"fsoe_net_{port}"  # cookies do not know ports: two studios, two names
+        self._cookie = f"fsoe_net_{port}"  # cookies ignore ports, so two studios need two names
         self._login: Login | None = None
         if remote is not None:
             # The prefix `__Host-` makes browsers reject the cookie of another host or of plain

@@ -37,7 +37,7 @@ struct intervention_files {
     char hash[2 * FSN_SHA256_BYTES + 1]; /**< of its line; empty: none */
 };
 
-/** Prepares it; nothing is opened. A too long `path` is truncated, so that it does not exist. */
+/** Prepares it; nothing is opened. A `path` that is too long is truncated and not found. */
 void intervention_files_init(struct intervention_files *files, const char *path,
                              uint64_t most_bytes);
 

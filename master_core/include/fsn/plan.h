@@ -175,8 +175,8 @@ FSN_API uint32_t fsn_plan_group_of(const struct fsn_plan *plan, uint32_t subdevi
 
 /** Creates the plan of one bus: only its SubDevices, and the copies between them. Their numbers
  *  begin at 0, as do those of sync managers, symbols, copies and connections.
- *  @param[out] part  to be freed by fsn_plan_free(); NULL on refusal. Of a plan of one bus it is
- *                    the plan itself, held once more.
+ *  @param[out] part  to be freed by fsn_plan_free(); NULL on refusal. For a plan with one bus
+ *                    it is the plan itself, with one more reference.
  *  @retval FSN_E_ARG    unknown bus.   @retval FSN_E_NOMEM  out of memory.
  *  Context: set-up. Allocates. */
 FSN_API FSN_MUST_USE fsn_status fsn_plan_part(const struct fsn_plan *plan, uint32_t bus,

@@ -37,7 +37,7 @@ __attribute__((format(printf, 2, 3))) static void put(struct text *text, const c
     } /* GCOVR_EXCL_BR_STOP */
 }
 
-/** A string of the plan as one word: visible ASCII except '%' unchanged, all else as %XX. */
+/** A string of the plan as one word: visible ASCII except '%' unchanged, all others as %XX. */
 static void put_word(struct text *text, uint32_t offset) {
     const uint8_t *at = text->plan->bytes + text->plan->offset[FSN_SEC_STRINGS] + offset;
     for (; *at != 0; at++) {

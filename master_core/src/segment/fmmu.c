@@ -178,7 +178,7 @@ void esc_fmmu_pass(struct esc *esc, struct datagram *d) {
     bool written = false;
     struct part p;
     if (logical > esc->fmmu_end || (uint64_t)logical + d->size_bytes <= esc->fmmu_begin) {
-        return; /* nothing of it is mapped here */
+        return; /* no part of it is mapped here */
     }
     /* Writes first: inputs and outputs may share an address, and the received bytes are written. */
     for (unsigned i = 0; i < esc->fmmu_count && wants_write; i++) {

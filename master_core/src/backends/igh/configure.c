@@ -103,7 +103,7 @@ static bool make_domain(struct fsn_igh *bus, const struct igh_node *node, struct
     if (area->domain == NULL) {
         return false;
     }
-    uint32_t pdo = 0; /* an entry with a place has bits, hence there is a PDO with entries */
+    uint32_t pdo = 0; /* an entry with a place has bits, so a PDO has entries */
     while (fsn_read_pdo(bus->all.plan, sm.first_pdo + pdo).entry_count == 0) {
         pdo++;
     }

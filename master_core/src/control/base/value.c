@@ -100,7 +100,7 @@ static bool is_scaled(const struct fsn_symbol_info *symbol) {
 
 static const char *store_whole(const struct fsn_symbol_info *symbol, double number, uint64_t *raw) {
     const bool is_signed = symbol->kind == FSN_KIND_SIGNED;
-    const double end = ldexp(1, symbol->bits - (is_signed ? 1 : 0)); /* first too large one */
+    const double end = ldexp(1, symbol->bits - (is_signed ? 1 : 0)); /* first invalid one */
     const double rounded = round(number);
     if (!(rounded < end && rounded >= (is_signed ? -end : 0))) {
         return "outside the range of its type";
