@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from fsoe_net.acceptance.sign_off import Refusal
-from fsoe_net.acceptance.ssh_signatures import SshSigners, ssh_sign
+from fsoe_net.acceptance.ssh_signatures import SshSigners, key_of, ssh_sign
 from fsoe_net.errors import InputError
 from fsoe_net.formats.shared.files import read_source, replaced_files
 from fsoe_net.formats.shared.limits import MAX_LARGE_BYTES, MAX_RECORD_BYTES
@@ -53,10 +53,25 @@ def sign_record(path: str, role: str, key: str, *, overwrite: bool) -> CheckedSi
     person = _person(found.record, role)
     principal = _principal(role, person)
     signature, made_by = ssh_sign(data, key)
+    _refuse_key_of_other(path, data, role, made_by)
     write_whole(_signature_path(path, role), signature, overwrite=overwrite)
     return CheckedSignature(
         role=role, name=person.name, principal=principal, date=person.date, key=made_by
     )
+
+
+def _refuse_key_of_other(path: str, data: bytes, role: str, made_by: str) -> None:
+    """Raise `InputError` if the same key has signed the record in the other role."""
+    (other,) = (name for name in ROLES if name != role)
+    try:
+        _, signature = read_source(_signature_path(path, other), most=_MOST_BYTES)
+    except InputError:  # not signed yet; a damaged file is found by the check
+        return
+    if key_of(data, signature) == made_by:
+        raise InputError(
+            f"nothing signed: {made_by} has signed as {other}; the {role} is another person, and "
+            "signs with a key of their own"
+        )
 
 
 def check_signatures(path: str, signers: SshSigners) -> SignedRecord:
@@ -95,7 +110,8 @@ def _signature_path(path: str, role: str) -> str:
 
 
 def _next(path: str, role: str) -> str:
-    return f"`fsoe-net acceptance sign {path} --key KEY --as {role}` by that person"
+    again = " --overwrite" if os.path.exists(_signature_path(path, role)) else ""
+    return f"`fsoe-net acceptance sign {path} --key KEY --as {role}{again}` by that person"
 
 
 def _person(record: Acceptance, role: str) -> SignedBy:

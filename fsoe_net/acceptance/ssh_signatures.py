@@ -76,7 +76,8 @@ class SshSigners:
         if done.returncode == 0 and found is not None:
             return f"{found[1]} {found[2]}"
         words = "; ".join(filter(None, map(str.strip, why)))
-        raise InputError(words or f"the key is revoked, or not one of {principal} in {self.path}")
+        why_not = "is revoked, or not" if self.revoked else "is not"
+        raise InputError(words or f"the key {why_not} one of {principal} in {self.path}")
 
 
 def ssh_sign(data: bytes, key: str) -> tuple[bytes, str]:
@@ -106,14 +107,26 @@ def ssh_sign(data: bytes, key: str) -> tuple[bytes, str]:
         words = "see the output of ssh-keygen above"
         raise InputError(f"nothing signed: ssh-keygen does not sign with {key}; {words}")
     # The key of the signature is read back, as an agent may have used another one.
-    with tempfile.TemporaryDirectory(prefix="fsn-signed-") as name:
-        signature = Path(name, "signature")
-        signature.write_bytes(done.stdout)
-        seen = _keygen("check-novalidate", "-s", str(signature), data=data)
-    found = _KEY.search(seen.stdout.decode("utf-8", "replace").strip())
-    if seen.returncode != 0 or found is None:
+    made_by = key_of(data, done.stdout)
+    if made_by is None:
         raise InputError(f"nothing signed: ssh-keygen made no signature with {key} that holds")
-    return done.stdout, f"{found[1]} {found[2]}"
+    return done.stdout, made_by
+
+
+def key_of(data: bytes, signature: bytes) -> str | None:
+    """Return type and SHA-256 of the key of a signature, or ``None`` if it does not hold.
+
+    Whose key it is remains unknown; see `SshSigners.key_of`.
+
+    Raises:
+        EnvironmentFault: ``ssh-keygen`` is missing.
+    """
+    with tempfile.TemporaryDirectory(prefix="fsn-signed-") as name:
+        path = Path(name, "signature")
+        path.write_bytes(signature)
+        seen = _keygen("check-novalidate", "-s", str(path), data=data)
+    found = _KEY.search(seen.stdout.decode("utf-8", "replace").strip())
+    return None if seen.returncode != 0 or found is None else f"{found[1]} {found[2]}"
 
 
 def _keygen(

@@ -165,9 +165,9 @@ def _machine(inputs: ReportInputs) -> Verdict:
     if failed:
         return Verdict(f"{failed} of {counted(len(steps), 'test step')} FAILED", Level.ERROR)
     # A step that a program disputes stays open, even if a person has confirmed it.
-    is_whole = not any(s.is_open or s.is_disputed for s in steps)
-    word = f"{len(done)} of {counted(len(steps), 'test step')} as expected"
-    return Verdict(word, Level.CLEAR if is_whole else Level.OPEN)
+    left = sum(s.is_open or s.is_disputed for s in steps)
+    word = f"{len(steps) - left} of {counted(len(steps), 'test step')} as expected"
+    return Verdict(f"{word}, {left} open", Level.OPEN) if left else Verdict(word, Level.CLEAR)
 
 
 def _signed(inputs: ReportInputs) -> tuple[str, bool]:
@@ -179,7 +179,11 @@ def _signed(inputs: ReportInputs) -> tuple[str, bool]:
         return "signed for another configuration", False
     if inputs.signed is not None and inputs.signed.against:
         return "signatures DO NOT HOLD", False
-    return f"signed by {given.record.author.name} and {given.record.verifier.name}", True
+    people = f"{given.record.author.name} and {given.record.verifier.name}"
+    # A record only names persons; a signature shows that they have seen it.
+    if inputs.signed is None:
+        return f"accepted by {people}, signatures not checked", False
+    return f"signed by {people}", True
 
 
 def _of_findings(inputs: ReportInputs) -> Verdict:

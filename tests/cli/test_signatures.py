@@ -155,7 +155,7 @@ def nobody_allowed(folder: Path) -> None:
         (missing, ["no signature of the author A. Meier <"]),
         (swapped, ["author.sig is not a signature", "verifier.sig is not a signature"]),
         (of_another_namespace, ["namespace does not match"]),
-        (of_nobody_we_know, [f"revoked, or not one of {ANNA} in signers"]),
+        (of_nobody_we_know, [f"the key is not one of {ANNA} in signers"]),
         (cut_short, ["Couldn't parse signature"]),
         (a_pipe, ["it is not a regular file"]),
         (huge, ["more than the 65536 allowed"]),
@@ -199,6 +199,26 @@ def test_one_key_is_not_two_persons(folder: Path) -> None:
     (folder / "signers").write_text(f"{ANNA},{BERT} {public_key(folder, 'anna')}")
     (found,) = refused()
     assert found.startswith("author and verifier signed with one key: ED25519 SHA256:")
+
+
+@pytest.mark.shows("R15")
+def test_a_key_that_signed_as_author_does_not_sign_as_verifier(folder: Path) -> None:
+    signature = folder / f"{RECORD}.verifier.sig"
+    before = signature.read_bytes()
+    again = ("acceptance", "sign", RECORD, "--key", "anna", "--as", "verifier", "--overwrite")
+    done = fsn(*again)
+    assert done.returncode == 1
+    assert " has signed as author; the verifier is another person" in done.stderr
+    assert signature.read_bytes() == before
+
+
+def test_the_next_step_replaces_a_signature_that_does_not_hold(folder: Path) -> None:
+    sign(folder, "carl", "verifier")
+    step = f"`fsoe-net acceptance sign {RECORD} --key KEY --as verifier --overwrite`"
+    assert step in fsn(*VERIFY).stdout
+    done = fsn("acceptance", "sign", RECORD, "--key", "bert", "--as", "verifier", "--overwrite")
+    assert done.returncode == 0
+    assert fsn(*VERIFY).returncode == 0
 
 
 def test_the_report_shows_the_signatures_and_what_was_accepted(folder: Path) -> None:

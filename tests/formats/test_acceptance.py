@@ -39,6 +39,15 @@ def complaints(text: str) -> list[str]:
     return [f"{d.span} {d.code}" for d in out.diagnostics]
 
 
+@pytest.mark.parametrize("key", ["author", "fingerprint", "plan"])
+def test_a_key_that_is_given_twice_is_refused(key: str) -> None:
+    """The first one would count, and a person reads the other."""
+    assert f"\n{key}:" in TEXT
+    record, out = read(f"{key}: other\n{TEXT}")
+    assert record is None
+    assert "FSN106" in {d.code for d in out.diagnostics}
+
+
 def test_a_record_is_read_back_as_it_was() -> None:
     record, out = read(TEXT)
     assert out.diagnostics == []

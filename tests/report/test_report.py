@@ -466,7 +466,14 @@ _YES = StepOutcome.AS_EXPECTED
     [
         ((), "NOT TESTED"),
         ((_step(), _step(emulated=StepResult(outcome=_YES))), "NOT TESTED"),
-        ((_step(_YES), _step(), _step(kind=StepKind.FAULT)), "1 of 2 test steps as expected"),
+        (
+            (_step(_YES), _step(), _step(kind=StepKind.FAULT)),
+            "1 of 2 test steps as expected, 1 open",
+        ),
+        (
+            (_step(_YES), _step(machine=AtMachine(outcome=_YES, by="", date="1 May"))),
+            "1 of 2 test steps as expected, 1 open",
+        ),
         ((_step(StepOutcome.NOT_AS_EXPECTED), _step()), "1 of 2 test steps FAILED"),
     ],
 )

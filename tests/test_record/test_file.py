@@ -55,6 +55,7 @@ def test_the_file_is_read_back_as_it_was(tmp_path: Path) -> None:
         ("    measured_ms: ''", "    measured_ms: 61,5", "61,5"),
         ("made: ''", "made: 2026-02-30", "made: '2026-02-30' is not a date"),
         ("firmware: ''", "firmwear: ''", "firmwear"),
+        ("    remark: ''", "    result: as expected\n    remark: ''", "'result' is given twice"),
     ],
 )
 def test_mistakes_of_people_are_located(

@@ -56,10 +56,10 @@ def load_acceptance(path: str | os.PathLike[str], out: Collector) -> Acceptance 
 
 def parse_acceptance(data: bytes, file: str, out: Collector) -> Acceptance | None:
     """Read an acceptance record from the bytes of a file; see `load_acceptance`."""
+    before = len(out.diagnostics)  # a key that is given twice counts
     root = parse_yaml(data, file, out)
     if root is None:
         return None
-    before = len(out.diagnostics)
     if root.text("acceptance_record") == _WITH_FORM_1:
         out.add(
             "FSN162",

@@ -32,10 +32,10 @@ def load_answers(path: str | os.PathLike[str], out: Collector) -> Answers | None
 
 def parse_answers(data: bytes, file: str, out: Collector) -> Answers | None:
     """Read answers from the bytes of a file; see `load_answers`."""
+    before = len(out.diagnostics)  # a key that is given twice counts
     root = parse_yaml(data, file, out)
     if root is None:
         return None
-    before = len(out.diagnostics)
     check_structure(root, "answers", out)
     if len(out.diagnostics) > before:
         return None

@@ -100,10 +100,10 @@ def load_test_record(path: str | os.PathLike[str], out: Collector) -> TestRecord
     Returns:
         The test record, or ``None`` when it cannot be interpreted.
     """
+    before = len(out.diagnostics)  # a key that is given twice counts
     root = load_yaml(path, out)
     if root is None:
         return None
-    before = len(out.diagnostics)
     check_structure(root, "test-record", out)
     if any(d.level is Severity.ERROR for d in out.diagnostics[before:]):
         return None
