@@ -26,7 +26,7 @@ from fsoe_net.formats.igh.write import write_c_header
 from fsoe_net.formats.lcec.write import write_lcec
 from fsoe_net.formats.own.network import load_network
 from fsoe_net.formats.own.patch import patch_yaml
-from fsoe_net.formats.own.schema import nearest_keys
+from fsoe_net.formats.own.schema import check_structure, nearest_keys
 from fsoe_net.formats.own.slave_yaml import device_from_yaml
 from fsoe_net.formats.shared.files import Collector, read_bytes
 from fsoe_net.formats.shared.writers import plain_text
@@ -395,6 +395,11 @@ tpdo:
             "the comma ends factor: write 1.500 or 1500; a comma is not part of a number",
         ),
         (
+            "factor: 1,0e-8",
+            "unknown key '0e-8' in tpdo 1, channels 1",
+            "the comma ends factor: write 1.0e-8; a comma is not part of a number",
+        ),
+        (
             "-factor: 2",
             "unknown key '-factor' in tpdo 1, channels 1",
             "write 'factor'; where a list item begins, `- ` with a blank before it",
@@ -409,6 +414,16 @@ def test_a_slip_in_a_channel_is_an_error_with_its_cause(rest: str, message: str,
     device_from_yaml(root, "d.yaml", out)
     rows = [(d.level.value, d.message, d.hint) for d in out.diagnostics]
     assert rows == [("error", message, hint)]
+
+
+def test_a_comma_in_a_whole_number_is_not_read_as_a_point():
+    out = Collector()
+    text = "version: 1\nnets: [{name: a, transfers: [], connections: [{watchdog_ms: 100,5}]}]\n"
+    root = parse_yaml(text.encode(), "n.yaml", out)
+    assert root is not None
+    check_structure(root, "network", out)
+    hints = [d.hint for d in out.diagnostics if d.code == "FSN109"]
+    assert hints == ["the comma ends watchdog_ms: write a whole number"]
 
 
 @pytest.mark.parametrize("rest", ["5: ~", "factor: a, 5: ~", "7: 1"])

@@ -36,7 +36,7 @@ def _function(node: MapNode, out: Collector) -> SafetyFunction | None:
     elements = tuple(
         e for e in (_element(item, out) for item in node.maps("elements")) if e is not None
     )
-    level, sil = _level(node.get("required"), out)
+    level, sil = _level(node.get("required"), "the risk assessment", out)
     reaction_ms = _positive(node, "required_reaction_ms", _MOST_MS, "ms", out)
     if name is None:
         return None
@@ -51,8 +51,14 @@ def _function(node: MapNode, out: Collector) -> SafetyFunction | None:
     )
 
 
-def _level(node: Node | None, out: Collector) -> tuple[str, int | None]:
-    """Return PL and SIL of a required or claimed level; empty and ``None`` if not stated."""
+def _level(node: Node | None, source: str, out: Collector) -> tuple[str, int | None]:
+    """Return PL and SIL of a required or claimed level; empty and ``None`` if not stated.
+
+    Args:
+        node: The value of ``required`` or ``claim``.
+        source: What the user reads the level from; a hint never invents one.
+        out: Takes FSN113.
+    """
     if not isinstance(node, MapNode):
         return "", None
     level = (node.text("pl") or "").lower()
@@ -61,7 +67,7 @@ def _level(node: Node | None, out: Collector) -> tuple[str, int | None]:
             "FSN113",
             node.at("pl"),
             f"performance level {level!r} is not one of a … e",
-            hint="write pl: d, or sil: 2",
+            hint=f"write the letter that {source} states",
         )
         level = ""
     sil = own_int(node, "sil", _MOST_SIL, out, low=1)
@@ -72,7 +78,7 @@ def _element(node: MapNode, out: Collector) -> SafetyElement | None:
     kind = _KINDS.get(node.text("kind") or "")
     time_ms = _positive(node, "time_ms", _MOST_MS, "ms", out)
     pfh = _positive(node, "pfh_per_hour", 1.0, "per hour", out)
-    level, sil = _level(node.get("claim"), out)
+    level, sil = _level(node.get("claim"), "its manual", out)
     years = _positive(node, "mission_years", _MOST_YEARS, "years", out)
     sub = node.text("sub") or ""
     if kind is None:
@@ -122,7 +128,7 @@ def _category(node: MapNode, out: Collector) -> str:
         "FSN113",
         node.at("category"),
         f"category {text!r} is not one of B, 1 … 4",
-        hint="write it as its manual states it: category: 3",
+        hint="write the category that its manual states",
     )
     return ""
 

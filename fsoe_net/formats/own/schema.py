@@ -287,7 +287,7 @@ class _Unknown:
             if self._count > MOST_UNKNOWN:
                 self._refuse(node.keys[key])
                 return
-            comma = _comma_before(node, key)
+            comma = _comma_before(node, key, properties)
             meant = nearest_keys(key, free)
             where = f"in {_where(path)}" if path else "at the top level"
             known = ", ".join(sorted(properties))
@@ -310,16 +310,19 @@ class _Unknown:
         )
 
 
-def _comma_before(node: MapNode, key: str) -> str:
+def _comma_before(node: MapNode, key: str, properties: Mapping[str, Any]) -> str:
     """Return the hint if ``factor: 1,5`` in braces became ``factor: 1`` and a key ``5``."""
     value = node.pairs[key]
-    if not (key.isdigit() and isinstance(value, ScalarNode) and value.is_null):
+    is_digits = re.fullmatch(r"[0-9]+([eE][+-]?[0-9]+)?", key)
+    if not (is_digits and isinstance(value, ScalarNode) and value.is_null):
         return ""
     keys = list(node.pairs)
     before = keys[keys.index(key) - 1] if keys[0] != key else ""
     number = node.text(before) or ""
     if not re.fullmatch(r"[+-]?[0-9]+", number):
         return ""
+    if properties.get(before, {}).get("type") == "integer":
+        return f"the comma ends {before}: write a whole number"
     return f"the comma ends {before}: {decimal_comma(f'{number},{key}')}"
 
 

@@ -301,7 +301,7 @@ def _float_hint(text: str, what: str) -> str:
     if bare in ("nan", "inf", ".nan"):
         sign = "-" if text[0] == "-" and bare == "inf" else ""
         return f"write {sign}.{bare.lstrip('.')}"
-    if re.fullmatch(r"[+-]?[0-9]+,[0-9]+", text):
+    if re.fullmatch(r"[+-]?[0-9]+,[0-9]+([eE][+-]?[0-9]+)?", text):
         return decimal_comma(text)
     if re.match(r"[0-9.]+\s*[µa-zA-Z]+\Z", text) and re.search(r"_(us|ms|s)\Z", what):
         return f"write the number alone; the unit is in the name {what}"
