@@ -147,7 +147,8 @@ class Bridge:
         if self._joints and self._options.joints:
             found.append(joint_status(self._joints, self._joint_topic, yields=self._yields))
         if self.control is not None:
-            found.append(self.control.status(self._node.unreadable))
+            waiting = self._node.offer_services()
+            found.append(self.control.status(self._node.unreadable, self._node.unanswered, waiting))
         self._node.publish("/diagnostics", self._array(found, view))
         return view
 

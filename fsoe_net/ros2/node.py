@@ -1,8 +1,12 @@
 """A node of ROS 2 on DDS: topics and services with the names, types and QoS of an rmw.
 
 Needs ``cyclonedds``. Does not publish ``ros_discovery_info``, because its message differs between
-Humble and later distributions. Therefore `ros2 topic` and `ros2 service` find everything, but `ros2
-node` does not.
+Humble and later distributions. Therefore `ros2 topic` finds everything, but `ros2 node` does not.
+
+Services answer only callers on ``rmw_cyclonedds_cpp``, which puts the identity of a request in
+front of its payload. ``rmw_fastrtps_cpp`` puts it in inline QoS (PID_RELATED_SAMPLE_IDENTITY),
+which Cyclone DDS can neither write nor read. An endpoint cannot reject a caller, but it can be
+absent: a service has endpoints only while a caller that can be answered waits for it.
 """
 
 from __future__ import annotations
@@ -10,12 +14,17 @@ from __future__ import annotations
 import queue
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, TypeVar
 from uuid import UUID
 
-from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
+from cyclonedds.builtin import (
+    BuiltinDataReader,
+    BuiltinTopicDcpsPublication,
+    BuiltinTopicDcpsSubscription,
+)
 from cyclonedds.core import DDSException, InstanceState, Listener, Policy, Qos
 from cyclonedds.domain import Domain, DomainParticipant
 from cyclonedds.idl import IdlStruct
@@ -35,10 +44,11 @@ HERE = """<CycloneDDS><Domain Id="any">
 <Peers><Peer address="127.0.0.1"/></Peers></Discovery></Domain></CycloneDDS>"""
 _DEPTH = 10  # of rmw_qos_profile_default and rmw_qos_profile_services_default
 _FOUND_S = 1.0
-_MOST_CHANGES = 10_000  # publishers that appeared or disappeared, handled at a time
+_MOST_CHANGES = 10_000  # endpoints that appeared or disappeared, handled at a time
 _OURS = "fsoe_net"  # name of each writer
 _MOST_UNREADABLE = 1000  # in a row; then other readers are served
 _WAIT = duration(milliseconds=100)
+_CALLER = b"clientid="  # in the user data of endpoints of a client of `rmw_cyclonedds_cpp`
 # `cyclonedds` converts the QoS of an endpoint in buffers shared by all threads of a process.
 _conversion = threading.Lock()
 
@@ -65,6 +75,19 @@ class _Arrived(Listener):
             self._arrivals.put(reader)
 
 
+@dataclass(slots=True)
+class _Service:
+    """A service. ``reader`` keeps its endpoints: `cyclonedds` deletes them when it is dropped."""
+
+    name: str
+    types: tuple[type[IdlStruct], type[IdlStruct]]
+    answer: Callable[[Any, str], tuple[Any, ...]]
+    mark: str
+    reader: DataReader | None = None
+    callers: dict[UUID, bool] = field(default_factory=dict)
+    """Whether each reader of its replies can be answered."""
+
+
 class Node:
     """Publishers, subscriptions and services of one participant; must be closed.
 
@@ -80,7 +103,7 @@ class Node:
     """
 
     def __init__(self, domain: int, *, here_only: bool, recording: McapFile | None = None) -> None:
-        self.unsent = self.unreadable = 0
+        self.unsent = self.unreadable = self.unanswered = 0
         self._recording = recording
         self._lock = threading.Lock()
         try:
@@ -93,6 +116,8 @@ class Node:
             ) from exc
         self._offers = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)
         self._others: dict[UUID, str] = {}  # topic of each foreign publisher
+        self._awaits = BuiltinDataReader(self._participant, BuiltinTopicDcpsSubscription)
+        self._services: dict[str, _Service] = {}  # by the topic of its replies
         self._writers: dict[str, DataWriter] = {}
         self._readers: dict[object, Received] = {}
         self._arrivals: queue.SimpleQueue[DataReader | None] = queue.SimpleQueue()
@@ -105,9 +130,10 @@ class Node:
         self._arrivals.put(None)
         self._thread.join()
         self._readers.clear()
+        self._services.clear()
         self._writers.clear()
         # `cyclonedds` deletes an entity when no object refers to it.
-        del self._offers, self._participant, self._domain
+        del self._offers, self._awaits, self._participant, self._domain
 
     def publish(self, topic: str, message: IdlStruct) -> None:
         """Publish a message; a subscriber that has stopped reading misses it.
@@ -128,18 +154,8 @@ class Node:
 
     def has_other_publisher(self, topic: str) -> bool:
         """Return whether a program other than fsoe-net currently publishes a topic."""
-        # Only changes: each read of a row uses memory of `cyclonedds` that is never released. One
-        # at a time: rows taken together with an undecodable one would be lost.
-        for _ in range(_MOST_CHANGES):
-            rows = read_endpoints(lambda: self._offers.take(1))
-            if rows is None:
-                self.unreadable += 1
-                continue
-            if not rows:
-                break
-            (row,) = rows
-            alive = row.sample_info.instance_state == InstanceState.Alive
-            if alive and Policy.EntityName(_OURS) not in row.qos:
+        for row in self._changes(self._offers):
+            if _is_alive(row) and Policy.EntityName(_OURS) not in row.qos:
                 self._others[row.key] = row.topic_name
             else:
                 self._others.pop(row.key, None)
@@ -159,7 +175,7 @@ class Node:
         types: tuple[type[IdlStruct], type[IdlStruct]],
         answer: Callable[[Any, str], tuple[Any, ...]],
     ) -> None:
-        """Serve requests of callers whose rmw is Cyclone DDS.
+        """Serve requests of callers whose rmw is Cyclone DDS, once `offer_services` finds them.
 
         Args:
             name: Name of the service, with its slash.
@@ -167,18 +183,60 @@ class Node:
             answer: Executes the request of a process and returns the fields of the reply.
         """
         # A caller waits until a reader and a writer have the same mark: the server and a number.
-        number = len(self._readers).to_bytes(4, "big")
+        number = len(self._services).to_bytes(4, "big")
         mark = ".".join(f"{b:x}" for b in self._participant.guid.bytes[:12] + number)
-        mark = f"serviceid={mark};"
-        asking, answering = types
-        writer = self._writer(f"rr{name}Reply", answering, _qos(answering, extra=mark))
+        service = _Service(name, types, answer, f"serviceid={mark};")
+        self._services[f"rr{name}Reply"] = service
+
+    def offer_services(self) -> tuple[str, ...]:
+        """Offer exactly the services that have a caller which can be answered.
+
+        Returns:
+            Names of the services that have other callers.
+        """
+        for row in self._changes(self._awaits):
+            if not _is_alive(row):
+                for service in self._services.values():
+                    service.callers.pop(row.key, None)
+            elif row.topic_name in self._services:
+                self._services[row.topic_name].callers[row.key] = _is_answerable(row)
+        for service in self._services.values():
+            if not any(service.callers.values()):
+                self.unsubscribe(service.reader)
+                service.reader = None
+            elif service.reader is None:
+                service.reader = self._offer(service)
+        waiting = (s.name for s in self._services.values() if not all(s.callers.values()))
+        return tuple(waiting)
+
+    def _offer(self, service: _Service) -> DataReader:
+        asking, answering = service.types
+        qos = _qos(answering, extra=service.mark)
+        writer = self._writer(f"rr{service.name}Reply", answering, qos)
 
         def received(request: Any, sender: str) -> None:
-            fields = answer(request, sender)
-            _wait_for_reader(writer, sender)
-            _write(self, writer, answering(request.client, request.number, *fields))
+            # A caller that receives no reply would not know that its request was executed.
+            if _is_reached(writer, sender):
+                fields = service.answer(request, sender)
+                _write(self, writer, answering(request.client, request.number, *fields))
+            else:
+                self.unanswered += 1
 
-        self._receive(f"rq{name}Request", asking, _qos(asking, extra=mark), received)
+        qos = _qos(asking, extra=service.mark)
+        return self._receive(f"rq{service.name}Request", asking, qos, received)
+
+    def _changes(self, endpoints: BuiltinDataReader) -> Iterator[Any]:
+        """Yield endpoints that appeared, changed or disappeared since the previous call."""
+        # Only changes: each read of a row uses memory of `cyclonedds` that is never released. One
+        # at a time: rows taken together with an undecodable one would be lost.
+        for _ in range(_MOST_CHANGES):
+            rows = read_endpoints(lambda: endpoints.take(1))
+            if rows is None:
+                self.unreadable += 1
+                continue
+            if not rows:
+                return
+            yield rows[0]
 
     def _writer(self, topic: str, message: type[IdlStruct], qos: Qos) -> DataWriter:
         named = qos + Qos(Policy.EntityName(_OURS))
@@ -198,13 +256,17 @@ class Node:
         return reader
 
     def _serve(self) -> None:
-        while (reader := self._arrivals.get()) is not None:
-            received = self._readers.get(reader)
-            if received is None:
-                continue
-            while (message := self._next(reader)) is not None:
-                if message.sample_info.valid_data:
-                    received(message, _sender(reader, message))
+        # No local variable of this loop may hold a reader: it would outlive its service.
+        while self._handle(self._arrivals.get()):
+            pass
+
+    def _handle(self, reader: DataReader | None) -> bool:
+        """Handle all messages of a reader; return whether more can arrive."""
+        received = self._readers.get(reader)
+        while received is not None and (message := self._next(reader)) is not None:
+            if message.sample_info.valid_data:
+                received(message, _sender(reader, message))
+        return reader is not None
 
     def _next(self, reader: DataReader) -> Any:
         """Return the next readable message, or ``None``; unreadable ones are counted."""
@@ -232,15 +294,27 @@ def _sender(reader: DataReader, message: IdlStruct) -> str:
     return str(handle if found is None else found.participant_key)
 
 
-def _wait_for_reader(writer: DataWriter, participant: str) -> None:
-    """Wait until the caller's reader is known: its writer may have been found first."""
+def _is_alive(row: Any) -> bool:
+    return bool(row.sample_info.instance_state == InstanceState.Alive)
+
+
+def _is_answerable(row: Any) -> bool:
+    """Return whether a reader of replies belongs to `rmw_cyclonedds_cpp`."""
+    data = row.qos[Policy.Userdata]
+    return data is not None and _CALLER in data.data
+
+
+def _is_reached(writer: DataWriter, participant: str) -> bool:
+    """Return whether the caller reads the reply; its writer may be found before its reader."""
     until = time.monotonic() + _FOUND_S
     while time.monotonic() < until:
         handles = writer.get_matched_subscriptions()
         rows = (read_endpoints(partial(writer.get_matched_subscription_data, h)) for h in handles)
-        if participant in {str(row.participant_key) for row in rows if row is not None}:
-            return
+        found = [r for r in rows if r is not None and str(r.participant_key) == participant]
+        if found:
+            return any(map(_is_answerable, found))
         time.sleep(0.005)
+    return False
 
 
 def _write(node: Node, writer: DataWriter, message: IdlStruct) -> None:

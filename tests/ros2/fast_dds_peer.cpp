@@ -3,6 +3,8 @@
 //
 //     fast_dds_peer listen DOMAIN TOPIC TYPE COUNT   prints what it is offered, then COUNT payloads
 //     fast_dds_peer send DOMAIN TOPIC TYPE           writes each line of its input, once somebody reads
+//     fast_dds_peer call DOMAIN SERVICE TYPE         a client as rmw_fastrtps_cpp has it: prints how many read its
+//                                                    requests and write replies, sends each line as a request
 //
 // Payloads are lines of hexadecimal digits, without the four bytes of the encapsulation.
 #include <cstdio>
@@ -73,6 +75,23 @@ struct Matches : DataWriterListener {
         std::lock_guard<std::mutex> lock(mutex);
         readers = status.current_count;
         changed.notify_all();
+    }
+};
+
+/// Prints how many endpoints a client has found, at each change, as `wait_for_service` counts them.
+struct Found : DataWriterListener, DataReaderListener {
+    std::mutex mutex;
+    int readers = 0, writers = 0;
+    void print(int& counted, int count) {
+        std::lock_guard<std::mutex> lock(mutex);
+        counted = count;
+        std::cout << "matched " << readers << ' ' << writers << std::endl;
+    }
+    void on_publication_matched(DataWriter*, const PublicationMatchedStatus& status) override {
+        print(readers, status.current_count);
+    }
+    void on_subscription_matched(DataReader*, const SubscriptionMatchedStatus& status) override {
+        print(writers, status.current_count);
     }
 };
 
@@ -168,6 +187,34 @@ int send(DomainParticipant* participant, Topic* topic) {
                : 1;
 }
 
+int call(DomainParticipant* participant, const std::string& service, const std::string& type) {
+    static Found found;
+    DataReaderQos reads;
+    reads.reliability().kind = RELIABLE_RELIABILITY_QOS;
+    DataWriterQos writes;
+    writes.reliability().kind = RELIABLE_RELIABILITY_QOS;
+    writes.reliable_writer_qos().times.heartbeatPeriod = eprosima::fastrtps::Duration_t(0.05);
+    const std::string kinds[] = {type + "_Request_", type + "_Response_"};
+    const std::string names[] = {"rq" + service + "Request", "rr" + service + "Reply"};
+    Topic* topics[2];
+    for (int i = 0; i < 2; ++i) {
+        TypeSupport(new RawType(kinds[i])).register_type(participant);
+        topics[i] = participant->create_topic(names[i], kinds[i], TOPIC_QOS_DEFAULT);
+    }
+    auto* const reader = participant->create_subscriber(SUBSCRIBER_QOS_DEFAULT)
+                             ->create_datareader(topics[1], reads, &found);
+    auto* const writer = participant->create_publisher(PUBLISHER_QOS_DEFAULT)
+                             ->create_datawriter(topics[0], writes, &found);
+    std::string line;
+    while (std::getline(std::cin, line)) {
+        std::string bytes = bytes_of(line);
+        eprosima::fastrtps::rtps::WriteParams params;
+        params.related_sample_identity().writer_guid(reader->guid());
+        writer->write(&bytes, params);
+    }
+    return 0;
+}
+
 }  // namespace
 
 int main(int count, char** words) {
@@ -177,12 +224,16 @@ int main(int count, char** words) {
     offers.topic = words[3];
     auto* participant = on_loopback(std::stoi(words[2]), listens ? &offers : nullptr);
     if (participant == nullptr) return 1;
-    TypeSupport type(new RawType(words[4]));
-    type.register_type(participant);
-    auto* topic = participant->create_topic(words[3], words[4], TOPIC_QOS_DEFAULT);
-    const int code = listens
-                         ? listen(participant, topic, count > 5 ? std::stoi(words[5]) : 1)
-                         : send(participant, topic);
+    int code;
+    if (std::string(words[1]) == "call") {
+        code = call(participant, words[3], words[4]);
+    } else {
+        TypeSupport type(new RawType(words[4]));
+        type.register_type(participant);
+        auto* topic = participant->create_topic(words[3], words[4], TOPIC_QOS_DEFAULT);
+        code = listens ? listen(participant, topic, count > 5 ? std::stoi(words[5]) : 1)
+                       : send(participant, topic);
+    }
     // The other end waits for a while for one that goes without a word.
     participant->delete_contained_entities();
     DomainParticipantFactory::get_instance()->delete_participant(participant);

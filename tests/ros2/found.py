@@ -14,10 +14,12 @@ class Found:
             BuiltinTopicDcpsPublication,
             BuiltinTopicDcpsSubscription,
         )
+        from cyclonedds.core import InstanceState
 
         from fsoe_net.ros2.node import read_endpoints
 
         self._read_endpoints = read_endpoints  # a bridge in this process reads too
+        self._alive = InstanceState.Alive
         self._participant = participant  # what is in it goes with it
         self._writers = BuiltinDataReader(participant, BuiltinTopicDcpsPublication)
         self._readers = BuiltinDataReader(participant, BuiltinTopicDcpsSubscription)
@@ -30,4 +32,6 @@ class Found:
         return {name for name in self._names(self._readers) if not name.startswith("DCPS")}
 
     def _names(self, reader: Any) -> set[str]:
-        return {row.topic_name for row in self._read_endpoints(lambda: reader.read(100)) or ()}
+        rows = self._read_endpoints(lambda: reader.read(100)) or ()
+        alive = (row for row in rows if row.sample_info.instance_state == self._alive)
+        return {row.topic_name for row in alive}

@@ -6,6 +6,7 @@ import contextlib
 import math
 import queue
 import re
+import select
 import shutil
 import subprocess
 import sys
@@ -22,12 +23,13 @@ from master.rig import Client, Master
 from master.rig import running as master_running
 from networks import EXAMPLES
 from patience import PATIENCE_S
+from ros2.caller import Caller
 from ros2.found import Found
 from ros2.rig import Peer, bridged, needed, own_domain, typestore
 
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.ros2 import control, messages, node
-from fsoe_net.ros2.messages import HASHES, SIGNALS, DiagnosticArray, TriggerRequest, TriggerResponse
+from fsoe_net.ros2.messages import HASHES, SIGNALS, DiagnosticArray, TriggerRequest
 from fsoe_net.ros2.values import SignalKind
 from fsoe_net.testing.fake_master import FakeMaster
 
@@ -243,11 +245,42 @@ def test_without_the_option_no_one_sets_anything(robot: Master) -> None:
 def test_only_what_may_be_set_has_a_subscription(robot: Master) -> None:
     with bridged(robot.path, allow_control=True) as domain, listening(domain) as found:
         wanted = {f"rt/cell/outputs/el2904/standard_{n}/set" for n in (1, 2, 3, 4)}
-        services = ("start", "stop", "restart", "set_parameters")
-        wanted |= {f"rq/cell/{word}Request" for word in services}
         while not wanted <= found.requests():
             pass
         assert found.requests() == wanted  # no drive, no logic_control, which is armed
+
+
+def test_a_service_is_there_while_a_caller_waits_that_can_be_answered(robot: Master) -> None:
+    """`rmw_fastrtps_cpp` counts endpoints that match; its caller would wait for ever."""
+    services = ("start", "stop", "restart", "set_parameters")
+    with (
+        bridged(robot.path, allow_control=True) as domain,
+        listening(domain) as found,
+        Peer("listen", domain, "rt/diagnostics", ARRAY, 1000) as peer,
+        Peer("call", domain, "/cell/stop", "std_srvs::srv::dds_::Trigger") as other,
+    ):
+        seen = arrays(peer)
+        while (row := next(seen).get("cell: control")) is None or row.level == 0:
+            pass
+        need = "callers of /cell/stop need RMW_IMPLEMENTATION=rmw_cyclonedds_cpp"
+        assert (row.level, row.message) == (1, need)
+        assert select.select([other.stdout], [], [], 0)[0] == []  # it has found no service
+        callers = [Caller(domain, f"/cell/{word}") for word in services]
+        wanted = {f"rq/cell/{word}Request" for word in services}
+        while not wanted <= found.requests():
+            pass
+        lines = other.lines()
+        while next(lines) != "matched 1 1":
+            pass
+        # A request with the header of Cyclone DDS in its payload: it cannot be told from one.
+        other.send(TriggerRequest(1, 1).serialize(use_version_2=False)[4:])
+        while dict(pairs(next(seen)["cell: control"]))["not answered"] != "1":
+            pass
+        with robot.client() as client:
+            assert client.good("status")["state"] == "running"
+        callers.clear()
+        while wanted & found.requests():
+            pass
 
 
 def test_a_request_that_cannot_be_read_is_counted_and_the_next_one_served(robot: Master) -> None:
@@ -260,6 +293,7 @@ def test_a_request_that_cannot_be_read_is_counted_and_the_next_one_served(robot:
         Peer("listen", domain, "rt/diagnostics", ARRAY, 1000) as peer,
         Peer("send", domain, "rq/cell/set_parametersRequest", request) as sends,
     ):
+        caller = Caller(domain, "/cell/set_parameters", *kinds)
         next(sends.lines())
         for payload in (bad, bad[:40], bad[:20] + b"\xff" * 40):
             sends.send(payload[4:])
@@ -267,7 +301,7 @@ def test_a_request_that_cannot_be_read_is_counted_and_the_next_one_served(robot:
         seen = arrays(peer)
         while not int(dict(pairs(next(seen)["cell: control"]))["unreadable"]):
             pass
-        (result,) = Caller(domain, "/cell/set_parameters", *kinds).call([parameter("x", 1)]).results
+        (result,) = caller.call([parameter("x", 1)]).results
         assert result.reason == "x is not an output that nodes may set"
 
 
@@ -285,12 +319,14 @@ def test_bytes_that_are_not_message_do_nothing(robot: Master, lamp: Client) -> N
         Peer("send", domain, "rq/cell/stopRequest", request) as calls,
         Peer("send", domain, f"{LAMP_TOPIC}/set", BOOL) as sets,
     ):
+        caller = Caller(domain, "/cell/stop")
         next(calls.lines())
         next(sets.lines())
         for garbage in GARBAGE:
             calls.send(garbage[:16])  # one that is long enough would be a request
             sets.send(garbage)
         assert calls.done() == 0
+        del caller
         lights(lamp, partial(sets.send, b"\x01"))
         assert lamp.good("status")["state"] == "running"
         assert sets.done() == 0
@@ -302,70 +338,6 @@ def listening(domain: int) -> Iterator[Found]:
     from cyclonedds.domain import DomainParticipant
 
     yield Found(DomainParticipant(domain))
-
-
-class Caller:
-    """Calls a service as `rmw_cyclonedds_cpp` does: a mark, and a header before each request."""
-
-    def __init__(
-        self,
-        domain: int,
-        service: str,
-        request: Any = TriggerRequest,
-        reply: Any = TriggerResponse,
-    ) -> None:
-        from cyclonedds.core import Policy, Qos
-        from cyclonedds.domain import DomainParticipant
-        from cyclonedds.pub import DataWriter
-        from cyclonedds.sub import DataReader
-        from cyclonedds.topic import Topic
-        from cyclonedds.util import duration
-
-        def qos(message: Any) -> Any:
-            return Qos(
-                Policy.Reliability.Reliable(duration(infinite=True)),
-                Policy.Durability.Volatile,
-                Policy.History.KeepLast(10),
-                Policy.Userdata(f"clientid=1.2.3;typehash=RIHS01_{HASHES[message]};".encode()),
-            )
-
-        me = DomainParticipant(domain)
-        self._writer = DataWriter(me, Topic(me, f"rq{service}Request", request), qos=qos(request))
-        self._reader = DataReader(me, Topic(me, f"rr{service}Reply", reply), qos=qos(reply))
-        self._request = request
-        self._number = 0
-
-    def marks(self) -> tuple[set[bytes], set[bytes]]:
-        """Return the user data of the service's reader and of its writer, once both are there."""
-        from cyclonedds.core import Policy
-
-        while True:
-            ends = [
-                (
-                    self._writer.get_matched_subscriptions,
-                    self._writer.get_matched_subscription_data,
-                ),
-                (self._reader.get_matched_publications, self._reader.get_matched_publication_data),
-            ]
-            first, second = (
-                {bytes(row(h).qos[Policy.Userdata].data) for h in handles()}
-                for handles, row in ends
-            )
-            if first and second:
-                return first, second
-
-    def call(self, *fields: Any) -> Any:
-        """Send a request; return the reply."""
-        self.marks()  # as `wait_for_service`
-        self._number += 1
-        self._writer.write(self._request(0x1122334455667788, self._number, *fields))
-        until = time.monotonic() + PATIENCE_S
-        while time.monotonic() < until:
-            for reply in self._reader.take(10):
-                if reply.sample_info.valid_data and reply.number == self._number:
-                    assert reply.client == 0x1122334455667788
-                    return reply
-        pytest.fail("no reply")
 
 
 def test_a_service_starts_and_stops_the_bus() -> None:

@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 from master.rig import killed_at_the_end, program, when_it_listens
 from patience import PATIENCE_S
+from ros2.caller import Caller
 from ros2.found import Found
 from ros2.rig import own_domain
 from tied import tied
@@ -88,16 +89,20 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Session,
         here = Domain(domain, HERE)
         found = Found(DomainParticipant(domain))
         wanted = {ros_topic(name) for name in NAMES}
+        callers = [Caller(domain, name) for name in NAMES if is_service(name)]
         while not wanted <= found.offers() | found.requests():
             pass
-        del found, here
+        del found, callers, here
         yield session, said
 
 
 def ros_topic(name: str) -> str:
     """Return the topic of DDS behind a topic or service that the page names."""
-    is_service = name.count("/") == 2
-    return f"rq{name}Request" if is_service else f"rt{name}"
+    return f"rq{name}Request" if is_service(name) else f"rt{name}"
+
+
+def is_service(name: str) -> bool:
+    return name.count("/") == 2
 
 
 def test_the_page_names_topics_and_services() -> None:
