@@ -84,13 +84,11 @@ def adapter(network, program):
         while (answer := system.ask("cycle 1")) == "OK":
             pass
         seen["cut"] = answer
+        system.until(rows[0], "0")
+        seen["without_it"] = system.ask(rows[0])
         emulator.do("splice ek1914")
-        system.ask("cleanup")
-        while system.ask("configure") != "SUCCESS":
-            pass
-        system.goes("activate")
-        while system.ask(rows[0]) != "1":
-            system.ask("cycle 5")
+        system.until(rows[0], "1")
+        system.goes("activate", "cycle 50")
         seen["back"] = system.ask(rows[0])
         seen["said"] = system.end()
     running.end(signal.SIGINT)

@@ -7,13 +7,17 @@ import fcntl
 import hashlib
 import os
 import re
+import runpy
 import shutil
 import signal
 import subprocess
+import sys
 import time
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
 import pytest
 from cli.tool import fsn
@@ -21,6 +25,7 @@ from live.on_the_wire import ESTOP, on_the_wire
 from master.rig import Client, Master
 from master.rig import running as master_running
 from networks import EXAMPLES, example
+from patience import PATIENCE_S
 from ros2.rig import System
 
 from fsoe_net.formats.own.network import load_network
@@ -32,7 +37,8 @@ from fsoe_net.testing.fake_master import FakeMaster
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "ros" / "fsoe_net_ros"
 CORE = ROOT / "master_core"
-REPLY_S = 5.0  # kReplyMs of control_socket.cpp
+REPLY_S = 1.0  # kReplyMs of control_socket.cpp
+UNKNOWN = "7"
 REQUIRED = "ros2" in os.environ.get("FSN_REQUIRE", "").split(",")
 LAMP, OUTPUT = "el2904/standard_1", "el2904.standard_1"
 VELOCITY, MODE = "drive_1/0x60ff:00", "drive_1/0x6060:00"
@@ -153,7 +159,7 @@ def test_an_output_without_a_controller_has_its_stop_value(
         system.goes(f"start {VELOCITY}", "cycle 20")
         assert reader.value(velocity) == 0  # 700 is not a command of the next one either
         system.goes(f"set {VELOCITY} 1e30")
-        assert system.ask("cycle 3") == "write ERROR"
+        assert system.ask("cycle 3") == "write DEACTIVATE"
         assert "drive_1/0x60ff:00 cannot take 1" in system.end()
 
 
@@ -203,25 +209,87 @@ def test_names_may_be_mapped_to_those_of_the_plan(
         assert system.ask("get joint_1/mode") == "0"  # 0x6061, not what is sent
 
 
-def test_an_error_waits_for_no_thread(program: Path) -> None:
-    """fsn-master stands still: its replies never come, for which the follower waits 5 s."""
-    with master_running(name="el6910") as master:
-        words = (f"socket={master.path}", f"c:{LAMP}", "s:el6910-el1904/state")
+STATE, INPUT = "el6910-el1904/state", "el6910/logic_state"
+
+
+def lost(system: System) -> None:
+    """Run cycles until the commands end."""
+    while (answer := system.ask("cycle 1")) == "OK":
+        pass
+    assert answer == "write DEACTIVATE"
+
+
+def test_a_frozen_fsn_master_ends_commands_and_states_return_by_themselves(program: Path) -> None:
+    """Nothing waits for it: other hardware of the controller manager continues."""
+    with master_running(name="el6910") as master, master.client() as reader:
+        words = (f"socket={master.path}", "misses=1000", f"c:{LAMP}", f"s:{STATE}", f"s:{INPUT}")
         with System(program, *words) as system:
-            system.goes("init", "configure", "activate", "cycle 3")
+            system.goes("init", "configure", "activate", f"start {LAMP}", f"set {LAMP} 1")
+            system.sends(lambda: reader.value(OUTPUT) is True)
             os.kill(master.process.pid, signal.SIGSTOP)
             try:
-                while (answer := system.ask("cycle 1")) == "OK":
-                    pass
-                assert answer == "read ERROR"
                 begun_s = time.monotonic()
-                system.goes("error", "cleanup")
+                lost(system)
                 assert time.monotonic() - begun_s < REPLY_S / 2
+                system.goes("cycle 3")
+                assert system.ask(f"get {INPUT}") == "nan"
+                system.until(f"get {STATE}", UNKNOWN)
+                begun_s = time.monotonic()
+                assert system.ask("activate") == "FAILURE"
+                system.goes("cleanup")
+                assert system.ask("configure") == "FAILURE"
+                assert time.monotonic() - begun_s < 4 * REPLY_S  # each waits once for a reply
             finally:
                 os.kill(master.process.pid, signal.SIGCONT)
             while system.ask("configure") != "SUCCESS":
                 pass
-            system.goes("activate", "cycle 3")
+            os.kill(master.process.pid, signal.SIGSTOP)
+            try:
+                system.until(f"get {STATE}", UNKNOWN)
+            finally:
+                os.kill(master.process.pid, signal.SIGCONT)
+            system.until(f"get {STATE}", "0")
+            system.until(f"get {INPUT}", "0")
+            # The command is still there, and a controller has it; it needs an activation.
+            system.goes("cycle 20")
+            assert reader.value(OUTPUT) is False
+            system.goes("activate", "cycle 20")
+            assert reader.value(OUTPUT) is False
+            system.goes(f"set {LAMP} 1")
+            system.sends(lambda: reader.value(OUTPUT) is True)
+            assert "set_hardware_component_state" in system.end()
+
+
+def test_states_return_when_fsn_master_is_started_again(program: Path, tmp_path: Path) -> None:
+    """With a plan that lacks a name they do not, and the reason is logged."""
+    socket = tmp_path / "s"
+    words = (f"socket={socket}", f"c:{LAMP}", f"s:{STATE}", f"s:{INPUT}")
+    with System(program, *words) as system:
+        system.goes("init")
+        assert system.ask("configure") == "FAILURE"  # it is not there yet
+        with master_running(name="el6910") as master:
+            socket.symlink_to(master.path)
+            system.goes("configure", "activate", f"start {LAMP}", f"set {LAMP} 1", "cycle 3")
+            master.process.kill()
+            lost(system)
+        socket.unlink()
+        with master_running(name="estop") as master:
+            socket.symlink_to(master.path)
+            for _ in range(3):
+                system.goes("cycle 200")
+            assert system.ask(f"get {INPUT}") == "nan"
+            assert system.ask("activate") == "FAILURE"
+        socket.unlink()
+        with master_running(name="el6910") as master, master.client() as reader:
+            socket.symlink_to(master.path)
+            system.until(f"get {INPUT}", "0")
+            system.goes("cycle 20")
+            assert reader.value(OUTPUT) is False
+            system.goes("activate", f"set {LAMP} 1")
+            system.sends(lambda: reader.value(OUTPUT) is True)
+        said = system.end()
+    assert "the plan has no input el6910.logic_state" in said
+    assert "connected to fsn-master again; commands need a new activation" in said
 
 
 def test_an_axis_by_ros2_control(program: Path, tmp_path: Path) -> None:
@@ -267,38 +335,44 @@ def test_mistakes_are_reported_as_errors(
     with System(program, f"socket={robot.path}", *words) as system:
         steps = ["init", "configure", "activate"]
         system.goes(*steps[: steps.index(line)])
-        assert system.ask(line) == "ERROR"
+        assert system.ask(line) == ("ERROR" if line == "init" else "FAILURE")
         assert text in system.end()
 
 
-def test_a_bus_that_stops_is_an_error_and_may_be_started(program: Path) -> None:
+def test_a_bus_that_stops_ends_the_commands_and_may_be_started(program: Path) -> None:
     with master_running(name="estop") as master, master.client() as client:
         with System(program, f"socket={master.path}", "s:ek1914/input_1") as system:
             system.goes("init", "configure", "activate", "cycle 3")
             client.good("stop")
-            while (answer := system.ask("cycle 1")) == "OK":
-                pass
-            assert answer == "read ERROR"
+            lost(system)
             while client.good("status")["state"] != "stopped":
                 pass
-            assert system.ask("configure") == "ERROR"
+            system.goes("cycle 3")
+            assert system.ask("get ek1914/input_1") == "nan"
+            assert system.ask("activate") == "FAILURE"
+            system.goes("cleanup")
+            assert system.ask("configure") == "FAILURE"
             said = system.end()
             assert "the bus was stopped, or fsn-master has ended" in said
-            assert "the bus does not run (stopped)" in said
+            assert "the bus does not run (stopped); `fsoe-net console -c start` starts it" in said
         with System(program, f"socket={master.path}", "start=true", "s:ek1914/input_1") as system:
-            system.goes("init", "configure", "activate", "cycle 3")
+            system.goes("init")
+            while system.ask("configure") != "SUCCESS":
+                pass
+            system.goes("activate", "cycle 3")
 
 
 def test_commands_that_come_too_late_are_taken_back(
     program: Path, robot: Master, reader: Client
 ) -> None:
-    with System(program, f"socket={robot.path}", "misses=0", f"c:{LAMP}") as system:
+    words = (f"socket={robot.path}", "misses=0", f"c:{LAMP}", f"s:{STATE}")
+    with System(program, *words) as system:
         system.goes("init", "configure", "activate", f"set {LAMP} 1")
         system.ask("cycle 1")
         reader.wait_for("el2904.standard_1", False)
-        while (answer := system.ask("cycle 1")) == "OK":
-            pass
-        assert answer == "read ERROR"
+        lost(system)
+        system.goes("cycle 20")
+        assert system.ask(f"get {STATE}") == "0"  # states live on
         assert "their stop values" in system.end()
 
 
@@ -307,11 +381,11 @@ def test_an_answer_that_is_none_is_an_error(program: Path) -> None:
     with FakeMaster() as master:
         with System(program, f"socket={master.path}", "s:c1/state") as system:
             system.goes("init")
-            assert system.ask("configure") == "ERROR"
+            assert system.ask("configure") == "FAILURE"
         master.state = "failed"
         with System(program, f"socket={master.path}") as system:
             system.goes("init")
-            assert system.ask("configure") == "ERROR"
+            assert system.ask("configure") == "FAILURE"
             assert "the bus does not run (failed)" in system.end()
 
 
@@ -320,7 +394,8 @@ def test_the_states_of_a_connection_are_those_of_real_frames(program: Path, tmp_
     seen = on_the_wire("adapter", ESTOP, program, tmp=tmp_path, script="live/ros2_rig.py")
     assert seen["pressed"] == ["1", "5"]  # Data, with FailSafeData
     assert seen["released"] == ["1", "6"]
-    assert seen["cut"] == "read ERROR"
+    assert seen["cut"] == "write DEACTIVATE"
+    assert seen["without_it"] == "0"  # the state of the connection lives on
     assert "SubDevices" in seen["said"]
     assert seen["back"] == "1"
 
@@ -473,6 +548,59 @@ def test_ament_installs_the_package(program: Path) -> None:
     assert (out / "share/ament_index/resource_index/packages/fsoe_net_ros").is_file()
     files = {p.name for p in (out / "share" / "fsoe_net_ros").rglob("*")}
     assert {"package.xml", "fsoe_net_ros.xml", "cell.launch.py", "controllers.yaml"} <= files
+
+
+def launched(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Any]]:
+    """Return the actions of the launch file, with its substitutions as plain text."""
+    names = {
+        "launch": ("LaunchDescription",),
+        "launch.actions": ("DeclareLaunchArgument",),
+        "launch.substitutions": ("Command", "LaunchConfiguration", "PathJoinSubstitution"),
+        "launch_ros": (),
+        "launch_ros.actions": ("Node",),
+        "launch_ros.parameter_descriptions": ("ParameterValue",),
+        "launch_ros.substitutions": ("FindPackageShare",),
+    }
+    made = {
+        "LaunchDescription": lambda rows: rows,
+        "Command": "".join,
+        "LaunchConfiguration": lambda name: f"<{name}>",
+        "PathJoinSubstitution": "/".join,
+        "ParameterValue": lambda value, **_: value,
+        "FindPackageShare": str,
+        "DeclareLaunchArgument": lambda name, **more: (name, more),
+        "Node": lambda **more: (more["executable"], more),
+    }
+    for module, kinds in names.items():
+        fake = ModuleType(module)
+        vars(fake).update({kind: made[kind] for kind in kinds})
+        monkeypatch.setitem(sys.modules, module, fake)
+    file = runpy.run_path(str(PACKAGE / "launch" / "cell.launch.py"))
+    return list(file["generate_launch_description"]())
+
+
+def test_the_launch_file_gives_the_socket_and_waits_for_fsn_master(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Parameters of controller_manager 4.46: its default ends it when a component is not active."""
+    rows = dict(launched(monkeypatch))
+    assert {"description", "socket", "controllers"} <= rows.keys()
+    robot, controllers, more = rows["ros2_control_node"]["parameters"]
+    assert (robot["robot_description"], controllers, more) == (
+        "xacro <description> socket:=<socket>",
+        "<controllers>",
+        {"hardware_components_initial_state.shutdown_on_initial_state_failure": False},
+    )
+    target = tmp_path / "cell.urdf.xacro"
+    converted(EXAMPLES / "el6910" / "network.yaml", target=target)
+    words = ["xacro", str(target), "socket:=/tmp/s"]
+    done = subprocess.run(words, capture_output=True, text=True, check=True, timeout=PATIENCE_S)
+    (hardware,) = ET.fromstring(done.stdout).iter("hardware")
+    given = {row.get("name"): row.text for row in hardware.iter("param")}
+    assert given["socket"] == "/tmp/s"
+    default = ET.parse(target).find("{http://www.ros.org/wiki/xacro}arg")
+    assert default is not None
+    assert rows["socket"]["default_value"] == default.get("default")
 
 
 def test_the_files_around_it_name_what_is_there() -> None:

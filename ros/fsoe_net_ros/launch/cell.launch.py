@@ -1,4 +1,4 @@
-"""Starts ros2_control on what `fsoe-net convert` has written. Not run with ROS so far."""
+"""Starts ros2_control on what `fsoe-net convert` has written."""
 
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument
@@ -11,12 +11,20 @@ from launch_ros.substitutions import FindPackageShare
 def generate_launch_description():
     """Return the controller manager, the state publisher and one broadcaster."""
     own = FindPackageShare("fsoe_net_ros")
-    description = LaunchConfiguration("description")
-    robot = {"robot_description": ParameterValue(Command(["xacro ", description]), value_type=str)}
+    description, socket = LaunchConfiguration("description"), LaunchConfiguration("socket")
+    words = ["xacro ", description, " socket:=", socket]
+    robot = {"robot_description": ParameterValue(Command(words), value_type=str)}
     controllers = LaunchConfiguration("controllers")
+    # Without this, the controller manager of Jazzy ends when fsn-master does not run yet.
+    waits = {"hardware_components_initial_state.shutdown_on_initial_state_failure": False}
     return LaunchDescription(
         [
             DeclareLaunchArgument("description", description="ros2_control.urdf.xacro"),
+            DeclareLaunchArgument(
+                "socket",
+                default_value="/run/fsn-master/fsn-master-eth1.sock",
+                description="control socket of fsn-master",
+            ),
             DeclareLaunchArgument(
                 "controllers",
                 default_value=PathJoinSubstitution([own, "config", "controllers.yaml"]),
@@ -29,7 +37,7 @@ def generate_launch_description():
             Node(
                 package="controller_manager",
                 executable="ros2_control_node",
-                parameters=[robot, controllers],
+                parameters=[robot, controllers, waits],
                 output="both",
             ),
             Node(

@@ -1,5 +1,6 @@
 #include "fsoe_net_ros/cell.hpp"
 
+#include <atomic>
 #include <cerrno>
 #include <cmath>
 #include <cstring>
@@ -19,8 +20,8 @@ namespace {
 constexpr double kNothing = std::numeric_limits<double>::quiet_NaN();
 constexpr int32_t kNone = FSN_REALTIME_NONE;
 constexpr std::size_t kNoConnection = std::numeric_limits<std::size_t>::max();
-constexpr int kProcessData = 6, kFailSafeData = 5, kUnknown = 0;
-constexpr int kLookMs = 50;
+constexpr int kProcessData = 6, kFailSafeData = 5, kUnknown = 7;
+constexpr int kLookMs = 50, kAgainMs = 500, kTryMs = 1000;
 // CiA 402 (IEC 61800-7-201): objects of axis n are 0x800 * n higher.
 constexpr unsigned kStatusword = 0x6041, kActualPosition = 0x6064, kTargetPosition = 0x607A;
 constexpr unsigned kAxisStep = 0x800, kMostAxes = 8;
@@ -40,6 +41,38 @@ bool ends_with(const std::string &text, const std::string &end) {
 
 }  // namespace
 
+/** One connection to fsn-master: its memory, and where the names of the cell are in its plan. */
+struct Cell::Link {
+    struct State {
+        int32_t symbol;           // input of the plan; none: of a connection
+        std::size_t connection;   // its index
+        bool in_data;             // 1 or 0, not the number of its state
+    };
+    struct Command {
+        int32_t symbol, actual, status;   // of a target position: actual position and statusword
+        uint64_t stop_value;
+    };
+    struct Connection {
+        std::string name;
+        std::atomic<int> state{kUnknown};
+    };
+
+    explicit Link(fsn_realtime *opened) : reader(opened) {}
+    ~Link() { fsn_realtime_close(reader); }
+
+    State find_state(const Cell::State &state) const;
+    Command find_command(const Cell::Command &command) const;
+    void find_position(const Cell::Command &command, const struct fsn_realtime_symbol &target, Command &found) const;
+    int32_t find_object(const std::string &subdevice, unsigned index) const;
+
+    fsn_realtime *const reader;
+    std::vector<State> states;
+    std::vector<Command> commands;
+    std::deque<Connection> connections;
+    std::atomic<bool> answers{true};   // the control socket does
+    std::atomic<bool> ended{false};    // the bus was stopped: it must be opened again
+};
+
 Cell::Cell(Options options)
     : options_(std::move(options)), wake_(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
     if (wake_ < 0) {
@@ -53,12 +86,12 @@ Cell::~Cell() {
 }
 
 const double *Cell::add_state(const std::string &name, const std::string &symbol) {
-    states_.push_back({name, symbol, kNothing, kNone, kNoConnection, false});
+    states_.push_back({name, symbol, kNothing});
     return &states_.back().number;
 }
 
 double *Cell::add_command(const std::string &name, const std::string &symbol, double initial) {
-    commands_.push_back({name, symbol, kNothing, initial, kNone, kNone, kNone, 0, false, false});
+    commands_.push_back({name, symbol, kNothing, initial, false, false});
     return &commands_.back().number;
 }
 
@@ -81,33 +114,33 @@ void Cell::release(const std::string &name) {
 
 void Cell::configure() {
     cleanup();
-    wait_until_running();
-    read_connections();
-    reader_ = open(false);
-    try {
-        for (State &state : states_) {
-            resolve_state(state);
-        }
-        for (Command &command : commands_) {
-            resolve_command(command);
-        }
-    } catch (const Fault &) {
-        cleanup();
-        throw;
+    if (options_.start) {
+        start_bus();
     }
-    last_good_ = std::chrono::steady_clock::now();
-    follows_ = true;
-    follower_ = std::thread(&Cell::follow_connections, this);
+    link_ = connect();
+    last_cycle_ = last_complete_ = std::chrono::steady_clock::now();
+    is_lost_ = false;
+    follower_ = std::thread(&Cell::follow, this, link_);
 }
 
 void Cell::activate() {
+    if (link_ == nullptr) {
+        throw Fault("not connected");
+    }
+    take_fresh_link();
     writer_ = open(true);
-    seen_ = false;
+    // Names were found in the plan of the reader: both must be of one run of the bus.
+    if (fsn_realtime_wait(link_->reader, 0, nullptr) == FSN_E_STATE) {
+        link_->ended = true;
+        deactivate();
+        throw Fault("the bus was stopped and started again; activate again in a moment");
+    }
+    seen_ = is_lost_ = false;
     for (Command &command : commands_) {
         command.number = kNothing;
         command.sent = false;
     }
-    last_good_ = std::chrono::steady_clock::now();
+    last_cycle_ = last_complete_ = std::chrono::steady_clock::now();
 }
 
 void Cell::deactivate() {
@@ -117,8 +150,7 @@ void Cell::deactivate() {
 
 void Cell::disconnect() {
     deactivate();
-    fsn_realtime_close(reader_);
-    reader_ = nullptr;
+    link_.reset();
     const uint64_t once = 1;
     (void)!::write(wake_, &once, sizeof once);
 }
@@ -128,58 +160,98 @@ void Cell::cleanup() {
     if (follower_.joinable()) {
         follower_.join();
     }
+    fresh_.reset();
     uint64_t count;
     (void)!::read(wake_, &count, sizeof count);
 }
 
-bool Cell::read() {
-    fsn_realtime *realtime = current();
-    if (realtime == nullptr) {
-        return refuse("not connected");
+/** Takes what the thread has opened, unless outputs are written: they belong to the former run. */
+void Cell::take_fresh_link() {
+    const std::unique_lock<std::mutex> lock(mutex_, std::try_to_lock);
+    if (!lock.owns_lock() || fresh_ == nullptr || !fresh_->answers || link_->answers || writer_ != nullptr) {
+        return;
     }
+    link_.swap(fresh_);
+    last_cycle_ = last_complete_ = std::chrono::steady_clock::now();
+}
+
+void Cell::read() {
+    if (link_ == nullptr) {
+        return;
+    }
+    take_fresh_link();
     fsn_realtime_cycle cycle{};
-    const fsn_status status = fsn_realtime_wait(realtime, 0, &cycle);
+    const fsn_status status = fsn_realtime_wait(writer_ != nullptr ? writer_ : link_->reader, 0, &cycle);
     const auto now = std::chrono::steady_clock::now();
+    const auto most = std::chrono::milliseconds(options_.lost_ms);
+    const bool has_cycle = status == FSN_OK;
+    if (has_cycle) {
+        // Its own time: the newest one may be old, of a bus that stands.
+        last_cycle_ = std::chrono::steady_clock::time_point(std::chrono::nanoseconds(cycle.now_ns));
+        seen_ = true;
+    }
+    if (has_cycle && cycle.actual_wkc == cycle.expected_wkc) {
+        last_complete_ = last_cycle_;
+    }
     if (status == FSN_E_STATE) {
-        return refuse("the bus was stopped, or fsn-master has ended");
+        link_->ended = true;
+    }
+    const bool is_stalled = status == FSN_E_STATE || now - last_cycle_ > most;
+    for (std::size_t row = 0; row < states_.size(); ++row) {
+        show(states_[row].number, *link_, row, has_cycle, is_stalled);
+    }
+    const char *fault = find_fault(status, is_stalled, now - last_complete_ > most);
+    if (fault != nullptr && (!is_lost_ || fault_ != fault)) {
+        fault_ = fault;
+    }
+    is_lost_ = fault != nullptr;
+}
+
+/** Sets a state; one of a connection is known without a cycle. */
+void Cell::show(double &number, const Link &link, std::size_t row, bool has_cycle, bool is_stalled) const {
+    const Link::State &state = link.states[row];
+    if (state.connection != kNoConnection) {
+        const int now_state = link.connections[state.connection].state;
+        const bool in_data = now_state == kProcessData || now_state == kFailSafeData;
+        number = !state.in_data ? now_state : (in_data ? 1.0 : 0.0);
+    } else if (is_stalled) {
+        number = kNothing;
+    } else if (has_cycle) {
+        number = fsn_realtime_value(writer_ != nullptr ? writer_ : link.reader, state.symbol);
+    }
+}
+
+/** Why commands cannot be sent; NULL: they can. */
+const char *Cell::find_fault(int status, bool is_stalled, bool is_incomplete) const {
+    if (status == FSN_E_STATE) {
+        return "the bus was stopped, or fsn-master has ended";
     }
     if (status == FSN_E_CLOSED) {
-        return refuse("commands came too late: the outputs took their stop values; raise `misses`, or the "
-                      "update rate of the controller manager");
+        return "commands came too late: the outputs took their stop values; raise `misses`, or the "
+               "update rate of the controller manager";
     }
-    seen_ = seen_ || status == FSN_OK;
-    if (status == FSN_OK && cycle.actual_wkc == cycle.expected_wkc) {
-        last_good_ = now;
+    if (!link_->answers) {
+        return "fsn-master does not answer";
     }
-    for (State &state : states_) {
-        if (state.connection != kNoConnection) {
-            const int now_state = connections_[state.connection].state;
-            const bool in_data = now_state == kProcessData || now_state == kFailSafeData;
-            state.number = !state.in_data ? now_state : (in_data ? 1.0 : 0.0);
-        } else if (status == FSN_OK) {
-            state.number = fsn_realtime_value(realtime, state.symbol);
-        }
+    if (is_stalled) {
+        return "no cycle comes from fsn-master";
     }
-    if (!follows_) {
-        return refuse("fsn-master does not answer");
-    }
-    if (now - last_good_ > std::chrono::milliseconds(options_.lost_ms)) {
-        return refuse(status == FSN_OK ? "SubDevices are missing: the working counter is incomplete"
-                                       : "no cycle comes from fsn-master");
-    }
-    return true;
+    return is_incomplete ? "SubDevices are missing: the working counter is incomplete" : nullptr;
 }
 
 bool Cell::write() {
-    if (reader_ == nullptr) {
-        return refuse("not connected");
+    if (writer_ == nullptr) {
+        return true;  // the outputs have their stop values
     }
-    if (writer_ == nullptr || !seen_) {
-        return true;  // the outputs have their stop values; an actual position is not known yet
+    if (is_lost_) {
+        return false;
     }
-    for (Command &command : commands_) {
-        if (!write_command(command)) {
-            return refuse(command.name + " cannot take " + std::to_string(command.number));
+    if (!seen_) {
+        return true;  // an actual position is not known yet
+    }
+    for (std::size_t row = 0; row < commands_.size(); ++row) {
+        if (!write_command(row)) {
+            return refuse(commands_[row].name + " cannot take " + std::to_string(commands_[row].number));
         }
     }
     if (!commands_.empty()) {
@@ -188,31 +260,33 @@ bool Cell::write() {
     return true;
 }
 
-bool Cell::write_command(Command &command) {
+bool Cell::write_command(std::size_t row) {
+    Command &command = commands_[row];
+    const Link::Command &place = link_->commands[row];
     double number = command.claimed ? command.number : kNothing;
-    if (std::isnan(number) && command.actual != kNone) {
-        if (holds_position(command)) {
+    if (std::isnan(number) && place.actual != kNone) {
+        if (holds_position(row)) {
             return true;
         }
-        number = fsn_realtime_value(writer_, command.actual);
+        number = fsn_realtime_value(writer_, place.actual);
     }
     if (std::isnan(number)) {
         number = command.initial;
     }
     if (std::isnan(number)) {
-        return fsn_realtime_set(writer_, command.symbol, command.stop_value) == FSN_OK;
+        return fsn_realtime_set(writer_, place.symbol, place.stop_value) == FSN_OK;
     }
     command.sent = true;
-    return fsn_realtime_set_value(writer_, command.symbol, number) == FSN_OK;
+    return fsn_realtime_set_value(writer_, place.symbol, number) == FSN_OK;
 }
 
 /** Whether a target position keeps what was sent last: following the actual position of an enabled
  *  drive would let a loaded axis sag. */
-bool Cell::holds_position(Command &command) const {
+bool Cell::holds_position(std::size_t row) const {
+    const int32_t status = link_->commands[row].status;
     const bool enabled =
-        command.status != kNone &&
-        (fsn_realtime_get(writer_, command.status) & kStateMask) == kOperationEnabled;
-    return enabled && command.sent;
+        status != kNone && (fsn_realtime_get(writer_, status) & kStateMask) == kOperationEnabled;
+    return enabled && commands_[row].sent;
 }
 
 fsn_realtime *Cell::open(bool with_outputs) const {
@@ -227,6 +301,7 @@ fsn_realtime *Cell::open(bool with_outputs) const {
     options.outputs = outputs.data();
     options.output_count = outputs.size();
     options.misses = options_.misses;
+    options.timeout_ms = kTryMs;
     fsn_realtime_fault fault{};
     fsn_realtime *opened = nullptr;
     if (fsn_realtime_open(&options, &opened, &fault) != FSN_OK) {
@@ -235,9 +310,9 @@ fsn_realtime *Cell::open(bool with_outputs) const {
     return opened;
 }
 
-int32_t Cell::find_object(const std::string &subdevice, unsigned index) const {
+int32_t Cell::Link::find_object(const std::string &subdevice, unsigned index) const {
     struct fsn_realtime_symbol symbol{};
-    for (uint32_t n = 0; fsn_realtime_symbol(reader_, n, &symbol) == FSN_OK; ++n) {
+    for (uint32_t n = 0; fsn_realtime_symbol(reader, n, &symbol) == FSN_OK; ++n) {
         if (!symbol.output && symbol.index == index && symbol.subindex == 0 && symbol.bits != 0 &&
             subdevice == symbol.subdevice) {
             return static_cast<int32_t>(n);
@@ -246,109 +321,144 @@ int32_t Cell::find_object(const std::string &subdevice, unsigned index) const {
     return kNone;
 }
 
-void Cell::resolve_state(State &state) {
-    state.symbol = fsn_realtime_input(reader_, state.symbol_name.c_str());
-    state.connection = kNoConnection;
-    for (std::size_t i = 0; state.symbol == kNone && i < connections_.size(); ++i) {
-        state.in_data = state.symbol_name == connections_[i].name + ".in_data";
-        if (state.in_data || state.symbol_name == connections_[i].name + ".state") {
-            state.connection = i;
-            break;
+Cell::Link::State Cell::Link::find_state(const Cell::State &state) const {
+    const std::string &name = state.symbol_name;
+    const int32_t symbol = fsn_realtime_input(reader, name.c_str());
+    if (symbol != kNone) {
+        return {symbol, kNoConnection, false};
+    }
+    for (std::size_t i = 0; i < connections.size(); ++i) {
+        const bool in_data = name == connections[i].name + ".in_data";
+        if (in_data || name == connections[i].name + ".state") {
+            return {kNone, i, in_data};
         }
     }
-    if (state.symbol != kNone || state.connection != kNoConnection) {
-        return;
-    }
-    const bool is_output = fsn_realtime_output(reader_, state.symbol_name.c_str()) != kNone;
-    throw Fault(state.name + ": the plan has no input " + state.symbol_name +
+    const bool is_output = fsn_realtime_output(reader, name.c_str()) != kNone;
+    throw Fault(state.name + ": the plan has no input " + name +
                 (is_output ? "; the output of that name is what is sent, not a state: remove the "
                              "state_interface, or map what the SubDevice reports"
                            : "; `fsoe-net console -c list` shows the names"));
 }
 
-void Cell::resolve_command(Command &command) {
-    command.symbol = fsn_realtime_output(reader_, command.symbol_name.c_str());
+Cell::Link::Command Cell::Link::find_command(const Cell::Command &command) const {
+    const int32_t number = fsn_realtime_output(reader, command.symbol_name.c_str());
     struct fsn_realtime_symbol symbol{};
-    if (command.symbol == kNone ||
-        fsn_realtime_symbol(reader_, static_cast<uint32_t>(command.symbol), &symbol) != FSN_OK) {
+    if (number == kNone ||
+        fsn_realtime_symbol(reader, static_cast<uint32_t>(number), &symbol) != FSN_OK) {
         throw Fault(command.name + ": the plan has no output " + command.symbol_name +
                     "; `fsoe-net console -c list` shows the names");
     }
-    command.stop_value = symbol.stop_value;
-    command.actual = command.status = kNone;
+    Command found{number, kNone, kNone, symbol.stop_value};
     if (axis_base(symbol.index) >= 0 || ends_with(command.name, "/position")) {
-        resolve_position(command, symbol);
+        find_position(command, symbol, found);
     }
+    return found;
 }
 
-void Cell::resolve_position(Command &command, const struct fsn_realtime_symbol &target) {
+void Cell::Link::find_position(const Cell::Command &command, const struct fsn_realtime_symbol &target,
+                               Command &found) const {
     const int base = axis_base(target.index);
     if (base >= 0) {
-        command.actual = find_object(target.subdevice, kActualPosition + static_cast<unsigned>(base));
-        command.status = find_object(target.subdevice, kStatusword + static_cast<unsigned>(base));
+        found.actual = find_object(target.subdevice, kActualPosition + static_cast<unsigned>(base));
+        found.status = find_object(target.subdevice, kStatusword + static_cast<unsigned>(base));
     }
-    if (command.actual == kNone) {  // a part of an object, or one of the maker
+    if (found.actual == kNone) {  // a part of an object, or one of the maker
         const std::string name = std::string(target.subdevice) + ".position";
-        command.actual = fsn_realtime_input(reader_, name.c_str());
+        found.actual = fsn_realtime_input(reader, name.c_str());
     }
-    if (command.actual == kNone) {
+    if (found.actual == kNone) {
         throw Fault(command.name + " is a target position, and the plan has no actual one: the axis would jump");
     }
 }
 
-void Cell::wait_until_running() {
-    ControlSocket control(options_.socket);
-    const auto until = std::chrono::steady_clock::now() + std::chrono::seconds(options_.start_s);
-    bool started = false;
-    for (;;) {
-        const auto status = control.request("status");
-        const std::string state = status.value("state", "");
-        if (state == "running") {
-            return;
-        }
-        if ((state == "stopped" || state == "failed") && (started || !options_.start)) {
-            const auto &why = status["fault"];
-            throw Fault("the bus does not run (" + state + ")" +
-                        (why.is_string() ? ": " + why.get<std::string>() : std::string()));
-        }
-        if (state == "stopped" || state == "failed") {
-            control.request("start");
-            started = true;
-        }
-        if (std::chrono::steady_clock::now() > until) {
-            throw Fault("the bus is not running yet: " + state);
-        }
-        std::this_thread::sleep_for(std::chrono::milliseconds(kLookMs));
+/** Starts a bus that is stopped, and waits a moment; connect() reports one that does not run. */
+void Cell::start_bus() {
+    ControlSocket control(options_.socket, wake_);
+    const auto until = std::chrono::steady_clock::now() + std::chrono::milliseconds(kTryMs);
+    std::string state = control.request("status").value("state", "");
+    if (state == "stopped" || state == "failed") {
+        control.request("start");
+        do {
+            std::this_thread::sleep_for(std::chrono::milliseconds(kLookMs));
+            state = control.request("status").value("state", "");
+        } while (state != "running" && state != "failed" && std::chrono::steady_clock::now() < until);
     }
 }
 
-void Cell::read_connections() {
-    ControlSocket control(options_.socket);
-    connections_.clear();
-    for (const auto &row : control.rows("snapshot", "connections")) {
-        connections_.emplace_back();
-        connections_.back().name = row.value("name", "");
-        connections_.back().state = row.value("observed_state", kUnknown);
+std::shared_ptr<Cell::Link> Cell::connect() {
+    ControlSocket control(options_.socket, wake_);
+    const auto status = control.request("status");
+    const std::string state = status.value("state", "");
+    if (state == "stopped" || state == "failed") {
+        const auto &why = status["fault"];
+        throw Fault("the bus does not run (" + state + ")" +
+                    (why.is_string() ? ": " + why.get<std::string>() : "; `fsoe-net console -c start` starts it"));
     }
+    if (state != "running") {
+        throw Fault("the bus is not running yet (" + state + ")");
+    }
+    const auto rows = control.rows("snapshot", "connections");
+    const auto link = std::make_shared<Link>(open(false));
+    for (const auto &row : rows) {
+        link->connections.emplace_back();
+        link->connections.back().name = row.value("name", "");
+        link->connections.back().state = row.value("observed_state", kUnknown);
+    }
+    for (const State &row : states_) {
+        link->states.push_back(link->find_state(row));
+    }
+    for (const Command &row : commands_) {
+        link->commands.push_back(link->find_command(row));
+    }
+    return link;
 }
 
-void Cell::follow_connections() {
+bool Cell::is_woken(int wait_ms) const {
     pollfd woken{wake_, POLLIN, 0};
+    return poll(&woken, 1, wait_ms) != 0;
+}
+
+/** Follows the connections; looks for fsn-master where it is gone. Never takes outputs. */
+void Cell::follow(std::shared_ptr<Link> link) {
+    std::string reported;
+    do {
+        if (link != nullptr) {
+            follow_connections(*link);
+            link.reset();
+            continue;
+        }
+        std::string text = "connected to fsn-master again; commands need a new activation";
+        try {
+            link = connect();
+            const std::lock_guard<std::mutex> lock(mutex_);
+            fresh_ = link;
+        } catch (const std::exception &fault) {
+            text = fault.what();
+        }
+        if (text != reported && !is_woken(0)) {
+            options_.report(text);
+        }
+        reported = text;
+    } while (!is_woken(link == nullptr ? kAgainMs : 0));
+}
+
+/** Returns once there is nothing to follow. */
+void Cell::follow_connections(Link &link) {
     try {
         ControlSocket control(options_.socket, wake_);
         do {
             std::size_t number = 0;
             for (const auto &row : control.rows("snapshot", "connections")) {
-                if (number < connections_.size()) {
-                    connections_[number++].state = row.value("observed_state", kUnknown);
+                if (number < link.connections.size()) {
+                    link.connections[number++].state = row.value("observed_state", kUnknown);
                 }
             }
-        } while (poll(&woken, 1, kLookMs) == 0);
+        } while (!link.ended && !is_woken(kLookMs));
     } catch (const std::exception &) {
-        for (Connection &connection : connections_) {
-            connection.state = kUnknown;
-        }
-        follows_ = false;
+    }
+    link.answers = false;
+    for (Link::Connection &connection : link.connections) {
+        connection.state = kUnknown;
     }
 }
 

@@ -1,9 +1,13 @@
 // ros2_control's view of a cell: nothing but names and return values. Written for Humble and Jazzy from
 // their public interfaces; CI compiles it against the stubs in test/stubs. Not built with ROS so far.
+//
+// read() is never an error: ros2_control treats every value of it but OK as one, and states would end with
+// the commands. A fault is the answer of the write() that follows, which ends the commands alone.
 #include <cmath>
 #include <hardware_interface/hardware_info.hpp>
 #include <hardware_interface/system_interface.hpp>
 #include <hardware_interface/types/hardware_interface_return_values.hpp>
+#include <hardware_interface/version.h>
 #include <limits>
 #include <memory>
 #include <pluginlib/class_list_macros.hpp>
@@ -25,16 +29,16 @@ public:
         if (SystemInterface::on_init(info) != CallbackReturn::SUCCESS) {
             return CallbackReturn::ERROR;
         }
-        return guarded([this] {
+        return guarded(CallbackReturn::ERROR, [this] {
             Cell::Options options;
             options.socket = parameter("socket", "");
             if (options.socket.empty()) {
                 throw Fault("the hardware has no param `socket`: the control socket of fsn-master");
             }
             options.misses = number("misses", options.misses);
-            options.start_s = number("start_s", options.start_s);
             options.lost_ms = number("lost_ms", options.lost_ms);
             options.start = parameter("start", "false") == "true";
+            options.report = [](const std::string &text) { RCLCPP_WARN(logger(), "%s", text.c_str()); };
             cell_ = std::make_unique<Cell>(options);
             states_.clear();
             commands_.clear();
@@ -73,23 +77,28 @@ public:
     }
 
     CallbackReturn on_configure(const rclcpp_lifecycle::State &) override {
-        return guarded([this] { cell_->configure(); });
+        return guarded(CallbackReturn::FAILURE, [this] { cell_->configure(); });
     }
     CallbackReturn on_activate(const rclcpp_lifecycle::State &) override {
-        return guarded([this] { cell_->activate(); });
+        return guarded(CallbackReturn::FAILURE, [this] { cell_->activate(); });
     }
+    /** Also called by the real-time thread, after DEACTIVATE: waits for no thread. */
     CallbackReturn on_deactivate(const rclcpp_lifecycle::State &) override {
-        return guarded([this] { cell_->deactivate(); });
+        cell_->deactivate();
+        return CallbackReturn::SUCCESS;
     }
     CallbackReturn on_cleanup(const rclcpp_lifecycle::State &) override {
-        return guarded([this] { cell_->cleanup(); });
+        cell_->cleanup();
+        return CallbackReturn::SUCCESS;
     }
     CallbackReturn on_shutdown(const rclcpp_lifecycle::State &) override {
-        return guarded([this] { cell_->cleanup(); });
+        cell_->cleanup();
+        return CallbackReturn::SUCCESS;
     }
-    /** Called by the real-time thread after an error of read() or write(): waits for no thread. */
+    /** Called by the real-time thread after an error: waits for no thread. */
     CallbackReturn on_error(const rclcpp_lifecycle::State &) override {
-        return guarded([this] { cell_->disconnect(); });
+        cell_->disconnect();
+        return CallbackReturn::SUCCESS;
     }
 
     return_type perform_command_mode_switch(const std::vector<std::string> &start_interfaces,
@@ -104,10 +113,20 @@ public:
     }
 
     return_type read(const rclcpp::Time &, const rclcpp::Duration &) override {
-        return cell_->read() ? return_type::OK : failed();
+        cell_->read();
+        return return_type::OK;
     }
     return_type write(const rclcpp::Time &, const rclcpp::Duration &) override {
-        return cell_->write() ? return_type::OK : failed();
+        if (cell_->write()) {
+            return return_type::OK;
+        }
+        RCLCPP_ERROR(logger(), "%s; activate the hardware again after the cause is gone",
+                     cell_->fault().c_str());
+#if HARDWARE_INTERFACE_VERSION_MAJOR >= 4
+        return return_type::DEACTIVATE;
+#else
+        return return_type::ERROR;
+#endif
     }
 
 private:
@@ -116,13 +135,17 @@ private:
         T value;
     };
 
-    template <class Work> CallbackReturn guarded(Work work) {
+    template <class Work> CallbackReturn guarded(CallbackReturn otherwise, Work work) {
         try {
             work();
             return CallbackReturn::SUCCESS;
         } catch (const std::exception &fault) {
             RCLCPP_ERROR(logger(), "%s", fault.what());
-            return CallbackReturn::ERROR;
+            if (otherwise == CallbackReturn::FAILURE) {
+                RCLCPP_ERROR(logger(), "then: ros2 control set_hardware_component_state %s active",
+                             info_.name.c_str());
+            }
+            return otherwise;
         }
     }
 
@@ -155,11 +178,6 @@ private:
                         " is not a number: " + row.initial_value);
         }
         return value;
-    }
-
-    return_type failed() {
-        RCLCPP_ERROR(logger(), "%s", cell_->fault().c_str());
-        return return_type::ERROR;
     }
 
     std::string parameter(const std::string &name, const std::string &otherwise) const {

@@ -14,7 +14,7 @@ namespace fsoe_net_ros {
 
 namespace {
 
-constexpr int kReplyMs = 5000;
+constexpr int kReplyMs = 1000;
 constexpr std::size_t kMostBytes = 16u << 20;
 constexpr unsigned kMostPages = 1000;
 
@@ -29,7 +29,8 @@ ControlSocket::ControlSocket(const std::string &path, int wake) : path_(path), f
     std::memcpy(address.sun_path, path.c_str(), path.size());
     const timeval most{kReplyMs / 1000, 0};  // for a connect() to a process that is stopped
     fd_ = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
-    if (fd_ < 0 || setsockopt(fd_, SOL_SOCKET, SO_SNDTIMEO, &most, sizeof most) != 0 || connect(fd_, reinterpret_cast<sockaddr *>(&address), sizeof address) != 0) {
+    if (fd_ < 0 || setsockopt(fd_, SOL_SOCKET, SO_SNDTIMEO, &most, sizeof most) != 0 ||
+        connect(fd_, reinterpret_cast<sockaddr *>(&address), sizeof address) != 0) {
         const std::string why = std::strerror(errno);
         if (fd_ >= 0) {
             ::close(fd_);

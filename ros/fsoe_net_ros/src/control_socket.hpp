@@ -11,12 +11,12 @@ class ControlSocket {
 public:
     /** @param[in] wake  descriptor; as soon as it is readable a request fails. -1: none.
      *  @throws Fault  nobody answers there. */
-    explicit ControlSocket(const std::string &path, int wake = -1);
+    ControlSocket(const std::string &path, int wake);
     ~ControlSocket();
     ControlSocket(const ControlSocket &) = delete;
     ControlSocket &operator=(const ControlSocket &) = delete;
 
-    /** Sends a request and returns its reply. @throws Fault  it is refused, or no reply comes in 5 s. */
+    /** Sends a request and returns its reply. @throws Fault  it is refused, or no reply comes in a second. */
     nlohmann::json request(const std::string &line);
 
     /** Sends a request whose reply may have several pages; returns the rows of all under `list`. */

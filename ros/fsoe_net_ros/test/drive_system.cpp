@@ -5,7 +5,7 @@
 //
 // Lines: init configure activate deactivate cleanup error · cycle N (read, write, 1 ms), write · start NAME…, stop NAME…
 // (a controller claims or releases commands) · set COMPONENT/INTERFACE VALUE · get COMPONENT/INTERFACE. Each
-// line is answered by one.
+// line is answered by one. After an error or DEACTIVATE of read or write follows what the resource manager does.
 #include <chrono>
 #include <hardware_interface/system_interface.hpp>
 #include <iostream>
@@ -49,13 +49,25 @@ hardware_interface::HardwareInfo info_of(int count, char **words) {
     return info;
 }
 
+const char *name_of(CallbackReturn result) {
+    return result == CallbackReturn::SUCCESS ? "SUCCESS"
+                                             : (result == CallbackReturn::FAILURE ? "FAILURE" : "ERROR");
+}
+
 const char *cycles(hardware_interface::SystemInterface &system, int count) {
     for (int i = 0; i < count; ++i) {
         if (system.read({}, {}) != return_type::OK) {
+            system.on_error({});  // also for DEACTIVATE
             return "read ERROR";
         }
-        if (system.write({}, {}) != return_type::OK) {
+        const auto written = system.write({}, {});
+        if (written == return_type::ERROR) {
+            system.on_error({});
             return "write ERROR";
+        }
+        if (written != return_type::OK) {
+            system.on_deactivate({});
+            return "write DEACTIVATE";
         }
         std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
@@ -90,8 +102,7 @@ int main(int count, char **words) {
             }
             std::cout << (good ? "SUCCESS" : "ERROR") << std::endl;
         } else if (transitions.count(verb) != 0) {
-            const bool good = (system.get()->*transitions[verb])(state) == CallbackReturn::SUCCESS;
-            std::cout << (good ? "SUCCESS" : "ERROR") << std::endl;
+            std::cout << name_of((system.get()->*transitions[verb])(state)) << std::endl;
         } else if (verb == "cycle") {
             int number = 0;
             text >> number;

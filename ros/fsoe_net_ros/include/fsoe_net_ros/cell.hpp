@@ -2,23 +2,25 @@
  *  of it, without ROS. Part of the black channel, no safety function.
  *
  *  A state is an input of the plan, by its name (`drive_1.velocity`), or an FSoE connection with
- *  `in_data` (1 or 0) and `state` (0 silent … 6 process data). A command is an output of the plan. An
- *  input and an output may share a name; one is never taken for the other.
+ *  `in_data` (1 or 0) and `state` (0 silent … 6 process data, 7 unknown). A command is an output of the
+ *  plan. An input and an output may share a name; one is never taken for the other.
+ *
+ *  From configure() on a thread follows the connections. When fsn-master or its bus is gone, it looks
+ *  for them, and states return by themselves. Commands do not: they need activate() again.
  */
 #ifndef FSOE_NET_ROS_CELL_HPP
 #define FSOE_NET_ROS_CELL_HPP
 
-#include <atomic>
 #include <chrono>
-#include <cstdint>
 #include <deque>
+#include <functional>
 #include <memory>
+#include <mutex>
 #include <stdexcept>
 #include <string>
 #include <thread>
 
 struct fsn_realtime;
-struct fsn_realtime_symbol;
 
 namespace fsoe_net_ros {
 
@@ -34,8 +36,9 @@ public:
         std::string socket;         ///< control socket of fsn-master
         unsigned misses = 10;       ///< cycles that may pass without new commands, see fsn/client.h
         bool start = false;         ///< configure() also starts a bus that is stopped
-        unsigned start_s = 60;      ///< how long it may take to run
-        unsigned lost_ms = 100;     ///< without a cycle, or with SubDevices missing, until read() fails
+        unsigned lost_ms = 100;     ///< without a cycle, or with SubDevices missing, until write() fails
+        /** Called by the thread: why there is no connection, and when it is back. */
+        std::function<void(const std::string &)> report = [](const std::string &) {};
     };
 
     explicit Cell(Options options);
@@ -64,21 +67,22 @@ public:
     /** No controller commands this any more: what is written into it does not count. RT-safe. */
     void release(const std::string &name);
 
-    /** Connects, waits until the bus runs, and finds every state and command.
+    /** Connects, and finds every state and command. Waits for a reply, and for a bus that it starts, for
+     *  at most a second each.
      *  @throws Fault  nobody answers, the bus does not run, or a name is not there. */
     void configure();
 
     /** Takes the outputs. @throws Fault  they are not free, or the bus has stopped. */
     void activate();
 
-    /** Takes the newest cycle.
-     *  @return false  the bus has stopped, cycles or SubDevices are missing, or the outputs were taken
-     *  back: fault() says which. RT-safe but for the text of a fault. */
-    bool read();
+    /** Takes the newest cycle. Without one for `lost_ms`, inputs are not a number. RT-safe but for the text
+     *  of a fault. */
+    void read();
 
     /** Sends the commands, once activate() has taken the outputs.
-     *  @return false  one is outside the range of its output: fault() names it, and nothing is sent.
-     *  RT-safe but for the text of a fault. */
+     *  @return false  the bus has stopped, cycles or SubDevices are missing, the outputs were taken back, or
+     *  a command is outside the range of its output: fault() says which, and nothing is sent. Never
+     *  without outputs. RT-safe but for the text of a fault. */
     bool write();
 
     /** Gives the outputs back: they take their stop values. States are still read. Does not wait. */
@@ -94,49 +98,42 @@ public:
     const std::string &fault() const { return fault_; }
 
 private:
+    struct Link;
     struct State {
         std::string name, symbol_name;
         double number;
-        int32_t symbol;           // input of the plan; none: of a connection
-        std::size_t connection;   // its index
-        bool in_data;             // 1 or 0, not the number of its state
     };
     struct Command {
         std::string name, symbol_name;
         double number, initial;
-        int32_t symbol, actual, status;   // of a target position: actual position and statusword
-        uint64_t stop_value;
-        bool claimed, sent;               // a controller has it; a position was sent
-    };
-    struct Connection {
-        std::string name;
-        std::atomic<int> state{0};
+        bool claimed, sent;   // a controller has it; a position was sent
     };
 
+    void start_bus();
+    std::shared_ptr<Link> connect();
     fsn_realtime *open(bool with_outputs) const;
-    fsn_realtime *current() const { return writer_ != nullptr ? writer_ : reader_; }
-    int32_t find_object(const std::string &subdevice, unsigned index) const;
-    void resolve_state(State &state);
-    void resolve_command(Command &command);
-    void resolve_position(Command &command, const struct fsn_realtime_symbol &target);
-    bool write_command(Command &command);
-    bool holds_position(Command &command) const;
-    void wait_until_running();
-    void read_connections();
-    void follow_connections();
+    void take_fresh_link();
+    void show(double &number, const Link &link, std::size_t row, bool has_cycle, bool is_stalled) const;
+    const char *find_fault(int status, bool is_stalled, bool is_incomplete) const;
+    bool write_command(std::size_t row);
+    bool holds_position(std::size_t row) const;
+    void follow(std::shared_ptr<Link> link);
+    void follow_connections(Link &link);
+    bool is_woken(int wait_ms) const;
     bool refuse(const std::string &text);
 
     Options options_;
     std::deque<State> states_;
     std::deque<Command> commands_;
-    std::deque<Connection> connections_;
-    fsn_realtime *reader_ = nullptr;   // from configure() on
+    std::shared_ptr<Link> link_;       // from configure() on
+    std::mutex mutex_;                 // of the next; read() never waits for it
+    std::shared_ptr<Link> fresh_;      // the next connection, or the former: the thread frees it
     fsn_realtime *writer_ = nullptr;   // from activate() on: has the outputs
     bool seen_ = false;                // the writer has the inputs of a cycle
     std::thread follower_;
     int wake_;                         // eventfd: ends what the follower waits for
-    std::atomic<bool> follows_{false};
-    std::chrono::steady_clock::time_point last_good_;
+    std::chrono::steady_clock::time_point last_cycle_, last_complete_;
+    bool is_lost_ = false;
     std::string fault_;
 };
 
