@@ -1,5 +1,6 @@
-// ros2_control's view of a cell: nothing but names and return values. Written for Humble and Jazzy from
-// their public interfaces; CI compiles it against the stubs in test/stubs. Not built with ROS so far.
+// ros2_control's view of a cell: nothing but names and return values. For hardware_interface 2 (Humble), 4
+// (Jazzy), 5 and 6: on_init() and handles differ, all else is one. CI compiles it against stubs of each
+// generation in test/stubs.
 //
 // read() is never an error: ros2_control treats every value of it but OK as one, and states would end with
 // the commands. A fault is the answer of the write() that follows, which ends the commands alone.
@@ -7,9 +8,9 @@
 #include <hardware_interface/hardware_info.hpp>
 #include <hardware_interface/system_interface.hpp>
 #include <hardware_interface/types/hardware_interface_return_values.hpp>
-#include <hardware_interface/version.h>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <pluginlib/class_list_macros.hpp>
 #include <rclcpp/rclcpp.hpp>
 #include <rclcpp_lifecycle/state.hpp>
@@ -18,15 +19,35 @@
 
 #include "fsoe_net_ros/cell.hpp"
 
+#if __has_include(<hardware_interface/version.h>)  // not in older ones of Humble
+#include <hardware_interface/version.h>
+#endif
+// Its handles hold the values, and are shared with controllers; before, they point to ours.
+#if __has_include(<hardware_interface/types/hardware_component_interface_params.hpp>)
+#include <hardware_interface/types/hardware_component_interface_params.hpp>
+#define FSOE_NET_ROS_SHARED_HANDLES
+#endif
+
 namespace fsoe_net_ros {
 
+#ifdef FSOE_NET_ROS_SHARED_HANDLES
+constexpr int kTries = 1000;  // of a handle that a controller reads meanwhile
+#endif
+
 using hardware_interface::CallbackReturn;
+using hardware_interface::CommandInterface;
 using hardware_interface::return_type;
+using hardware_interface::StateInterface;
 
 class CellSystem : public hardware_interface::SystemInterface {
 public:
-    CallbackReturn on_init(const hardware_interface::HardwareInfo &info) override {
-        if (SystemInterface::on_init(info) != CallbackReturn::SUCCESS) {
+#ifdef FSOE_NET_ROS_SHARED_HANDLES
+    using InitParams = hardware_interface::HardwareComponentInterfaceParams;
+#else
+    using InitParams = hardware_interface::HardwareInfo;
+#endif
+    CallbackReturn on_init(const InitParams &params) override {
+        if (SystemInterface::on_init(params) != CallbackReturn::SUCCESS) {
             return CallbackReturn::ERROR;
         }
         return guarded(CallbackReturn::ERROR, [this] {
@@ -47,40 +68,67 @@ public:
                     for (const auto &row : component.state_interfaces) {
                         const auto symbol = symbol_of(component, "state_interface/", row.name);
                         states_.push_back({component.name, row.name,
-                                           cell_->add_state(component.name + "/" + row.name, symbol)});
+                                           cell_->add_state(component.name + "/" + row.name, symbol), {}});
                     }
                     for (const auto &row : component.command_interfaces) {
                         const auto symbol = symbol_of(component, "command_interface/", row.name);
                         commands_.push_back({component.name, row.name,
                                              cell_->add_command(component.name + "/" + row.name, symbol,
-                                                                initial_of(component, row))});
+                                                                initial_of(component, row)), {}});
                     }
                 }
             }
         });
     }
 
-    std::vector<hardware_interface::StateInterface> export_state_interfaces() override {
-        std::vector<hardware_interface::StateInterface> found;
+#ifdef FSOE_NET_ROS_SHARED_HANDLES
+    std::vector<StateInterface::ConstSharedPtr> on_export_state_interfaces() override {
+        std::vector<StateInterface::ConstSharedPtr> found;
+        for (auto &row : states_) {
+            row.handle = std::make_shared<StateInterface>(description_of(row));
+            found.push_back(row.handle);
+        }
+        return found;
+    }
+
+    std::vector<CommandInterface::SharedPtr> on_export_command_interfaces() override {
+        std::vector<CommandInterface::SharedPtr> found;
+        for (auto &row : commands_) {
+            row.handle = std::make_shared<CommandInterface>(description_of(row));
+            found.push_back(row.handle);
+        }
+        return found;
+    }
+#else
+    std::vector<StateInterface> export_state_interfaces() override {
+        std::vector<StateInterface> found;
         for (const auto &row : states_) {
             found.emplace_back(row.component, row.name, const_cast<double *>(row.value));
         }
         return found;
     }
 
-    std::vector<hardware_interface::CommandInterface> export_command_interfaces() override {
-        std::vector<hardware_interface::CommandInterface> found;
+    std::vector<CommandInterface> export_command_interfaces() override {
+        std::vector<CommandInterface> found;
         for (const auto &row : commands_) {
             found.emplace_back(row.component, row.name, row.value);
         }
         return found;
     }
+#endif
 
     CallbackReturn on_configure(const rclcpp_lifecycle::State &) override {
         return guarded(CallbackReturn::FAILURE, [this] { cell_->configure(); });
     }
     CallbackReturn on_activate(const rclcpp_lifecycle::State &) override {
-        return guarded(CallbackReturn::FAILURE, [this] { cell_->activate(); });
+        return guarded(CallbackReturn::FAILURE, [this] {
+            for (auto &row : commands_) {
+                if (!forget(row)) {
+                    throw Fault(row.component + "/" + row.name + " is in use; activate again");
+                }
+            }
+            cell_->activate();
+        });
     }
     /** Also called by the real-time thread, after DEACTIVATE: waits for no thread. */
     CallbackReturn on_deactivate(const rclcpp_lifecycle::State &) override {
@@ -107,6 +155,11 @@ public:
             cell_->release(name);
         }
         for (const auto &name : start_interfaces) {
+            for (auto &row : commands_) {
+                if (row.component + "/" + row.name == name && !forget(row)) {
+                    return return_type::ERROR;
+                }
+            }
             cell_->claim(name);
         }
         return return_type::OK;
@@ -114,9 +167,19 @@ public:
 
     return_type read(const rclcpp::Time &, const rclcpp::Duration &) override {
         cell_->read();
+#ifdef FSOE_NET_ROS_SHARED_HANDLES
+        for (auto &row : states_) {
+            (void)!row.handle->set_value(*row.value);  // false: somebody reads it, the next cycle sets it
+        }
+#endif
         return return_type::OK;
     }
     return_type write(const rclcpp::Time &, const rclcpp::Duration &) override {
+#ifdef FSOE_NET_ROS_SHARED_HANDLES
+        for (auto &row : commands_) {
+            *row.value = row.handle->get_optional<double>().value_or(*row.value);
+        }
+#endif
         if (cell_->write()) {
             return return_type::OK;
         }
@@ -130,10 +193,40 @@ public:
     }
 
 private:
-    template <class T> struct Row {
+    struct State {
         std::string component, name;
-        T value;
+        const double *value;
+        std::shared_ptr<StateInterface> handle;
     };
+    struct Command {
+        std::string component, name;
+        double *value;
+        std::shared_ptr<CommandInterface> handle;
+    };
+
+#ifdef FSOE_NET_ROS_SHARED_HANDLES
+    template <class Row> static hardware_interface::InterfaceDescription description_of(const Row &row) {
+        hardware_interface::InterfaceInfo info{};
+        info.name = row.name;
+        info.data_type = "double";
+        return {row.component, info};
+    }
+#endif
+
+    /** Takes away what an earlier controller has written. False: it cannot be done now. */
+    static bool forget(Command &row) {
+        *row.value = std::numeric_limits<double>::quiet_NaN();
+#ifdef FSOE_NET_ROS_SHARED_HANDLES
+        for (int i = 0; i < kTries; ++i) {
+            if (row.handle->set_value(*row.value)) {
+                return true;
+            }
+        }
+        return false;
+#else
+        return true;
+#endif
+    }
 
     template <class Work> CallbackReturn guarded(CallbackReturn otherwise, Work work) {
         try {
@@ -197,8 +290,8 @@ private:
     static rclcpp::Logger logger() { return rclcpp::get_logger("fsoe_net_ros"); }
 
     std::unique_ptr<Cell> cell_;
-    std::vector<Row<const double *>> states_;
-    std::vector<Row<double *>> commands_;
+    std::vector<State> states_;
+    std::vector<Command> commands_;
 };
 
 }  // namespace fsoe_net_ros

@@ -37,7 +37,7 @@ hardware_interface::HardwareInfo info_of(int count, char **words) {
                 component.parameters[name] = value;
             } else {
                 auto &rows = word[0] == 's' ? component.state_interfaces : component.command_interfaces;
-                rows.push_back({name, value});
+                rows.push_back({name, value, "double"});
             }
         } else {
             info.hardware_parameters[word.substr(0, equal)] = word.substr(equal + 1);
@@ -48,6 +48,42 @@ hardware_interface::HardwareInfo info_of(int count, char **words) {
     }
     return info;
 }
+
+struct Handles {
+    std::vector<std::shared_ptr<const hardware_interface::StateInterface>> states;
+    std::vector<std::shared_ptr<hardware_interface::CommandInterface>> commands;
+};
+
+#if HARDWARE_INTERFACE_VERSION_MAJOR < 4
+bool initialise(hardware_interface::SystemInterface &system, const hardware_interface::HardwareInfo &info) {
+    return system.on_init(info) == CallbackReturn::SUCCESS;
+}
+
+Handles exported(hardware_interface::SystemInterface &system) {
+    Handles found;
+    for (const auto &row : system.export_state_interfaces()) {
+        found.states.push_back(std::make_shared<hardware_interface::StateInterface>(row));
+    }
+    for (const auto &row : system.export_command_interfaces()) {
+        found.commands.push_back(std::make_shared<hardware_interface::CommandInterface>(row));
+    }
+    return found;
+}
+
+double value_of(const hardware_interface::StateInterface &row) { return row.get_value(); }
+#else
+bool initialise(hardware_interface::SystemInterface &system, const hardware_interface::HardwareInfo &info) {
+    hardware_interface::HardwareComponentInterfaceParams params;
+    params.hardware_info = info;
+    return system.on_init(params) == CallbackReturn::SUCCESS;
+}
+
+Handles exported(hardware_interface::SystemInterface &system) {
+    return {system.on_export_state_interfaces(), system.on_export_command_interfaces()};
+}
+
+double value_of(const hardware_interface::StateInterface &row) { return row.get_optional().value(); }
+#endif
 
 const char *name_of(CallbackReturn result) {
     return result == CallbackReturn::SUCCESS ? "SUCCESS"
@@ -80,8 +116,7 @@ int main(int count, char **words) {
     std::unique_ptr<hardware_interface::SystemInterface> system(stub_create());
     const auto info = info_of(count, words);
     const rclcpp_lifecycle::State state;
-    std::vector<hardware_interface::StateInterface> states;
-    std::vector<hardware_interface::CommandInterface> commands;
+    Handles handles;
     std::string line;
     while (std::getline(std::cin, line)) {
         std::istringstream text(line);
@@ -95,10 +130,9 @@ int main(int count, char **words) {
                         {"cleanup", &hardware_interface::SystemInterface::on_cleanup},
                         {"error", &hardware_interface::SystemInterface::on_error}};
         if (verb == "init") {
-            const bool good = system->on_init(info) == CallbackReturn::SUCCESS;
+            const bool good = initialise(*system, info);
             if (good) {
-                states = system->export_state_interfaces();
-                commands = system->export_command_interfaces();
+                handles = exported(*system);
             }
             std::cout << (good ? "SUCCESS" : "ERROR") << std::endl;
         } else if (transitions.count(verb) != 0) {
@@ -111,17 +145,17 @@ int main(int count, char **words) {
             std::cout << (system->write({}, {}) == return_type::OK ? "OK" : "write ERROR") << std::endl;
         } else if (verb == "get") {
             text >> name;
-            for (const auto &row : states) {
-                if (row.get_name() == name) {
-                    std::cout << row.get_value() << std::endl;
+            for (const auto &row : handles.states) {
+                if (row->get_name() == name) {
+                    std::cout << value_of(*row) << std::endl;
                 }
             }
         } else if (verb == "set") {
             std::string value;
             text >> name >> value;
-            for (auto &row : commands) {
-                if (row.get_name() == name) {
-                    row.set_value(std::stod(value));  // operator>> reads "nan" as 0
+            for (auto &row : handles.commands) {
+                if (row->get_name() == name) {
+                    (void)row->set_value(std::stod(value));  // operator>> reads "nan" as 0
                 }
             }
             std::cout << "OK" << std::endl;

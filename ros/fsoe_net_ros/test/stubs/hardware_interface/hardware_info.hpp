@@ -1,12 +1,19 @@
 // Stub, see README.md.
 #pragma once
+#include <stdexcept>
 #include <string>
 #include <unordered_map>
 #include <vector>
 
 namespace hardware_interface {
 struct InterfaceInfo {
-    std::string name, initial_value;
+    std::string name, initial_value, data_type;
+};
+struct InterfaceDescription {
+    InterfaceDescription(const std::string &prefix, const InterfaceInfo &info)
+        : interface_info(info), interface_name(prefix + "/" + info.name) {}
+    InterfaceInfo interface_info;
+    std::string interface_name;
 };
 struct ComponentInfo {
     std::string name;

@@ -1,39 +1,41 @@
 // Stub, see README.md.
 #pragma once
-#include <hardware_interface/hardware_info.hpp>
+#include <hardware_interface/handle.hpp>
 #include <hardware_interface/types/hardware_interface_return_values.hpp>
 #include <rclcpp/rclcpp.hpp>
 #include <rclcpp_lifecycle/state.hpp>
+#if HARDWARE_INTERFACE_VERSION_MAJOR >= 4
+#include <hardware_interface/types/hardware_component_interface_params.hpp>
+#endif
 
 namespace hardware_interface {
 enum class CallbackReturn { SUCCESS, FAILURE, ERROR };
 
-class StateInterface {
-public:
-    StateInterface(const std::string &prefix, const std::string &name, double *value)
-        : name_(prefix + "/" + name), value_(value) {}
-    const std::string &get_name() const { return name_; }
-    double get_value() const { return *value_; }
-
-protected:
-    std::string name_;
-    double *value_;
-};
-class CommandInterface : public StateInterface {
-public:
-    using StateInterface::StateInterface;
-    void set_value(double value) { *value_ = value; }
-};
-
 class SystemInterface {
 public:
+    SystemInterface() = default;
+    SystemInterface(const SystemInterface &) = delete;
     virtual ~SystemInterface() = default;
+#if HARDWARE_INTERFACE_VERSION_MAJOR < 4
     virtual CallbackReturn on_init(const HardwareInfo &info) {
         info_ = info;
         return CallbackReturn::SUCCESS;
     }
     virtual std::vector<StateInterface> export_state_interfaces() = 0;
     virtual std::vector<CommandInterface> export_command_interfaces() = 0;
+#else
+    virtual CallbackReturn on_init(const HardwareComponentInterfaceParams &params) {
+        info_ = params.hardware_info;
+        return CallbackReturn::SUCCESS;
+    }
+    [[deprecated]] virtual std::vector<StateInterface> export_state_interfaces() { return {}; }
+    [[deprecated]] virtual std::vector<CommandInterface> export_command_interfaces() { return {}; }
+    virtual std::vector<StateInterface::ConstSharedPtr> on_export_state_interfaces() { return {}; }
+    virtual std::vector<CommandInterface::SharedPtr> on_export_command_interfaces() { return {}; }
+#endif
+#if HARDWARE_INTERFACE_VERSION_MAJOR == 4
+    [[deprecated]] virtual CallbackReturn on_init(const HardwareInfo &) { return CallbackReturn::ERROR; }
+#endif
     virtual CallbackReturn on_configure(const rclcpp_lifecycle::State &) = 0;
     virtual CallbackReturn on_activate(const rclcpp_lifecycle::State &) = 0;
     virtual CallbackReturn on_deactivate(const rclcpp_lifecycle::State &) = 0;
