@@ -1,0 +1,65 @@
+"""A node of ROS 2, by rclpy. Not imported by tests: a program of the Python that has rclpy.
+
+rclpy_peer.py listen TOPIC TYPE     prints each message as JSON
+rclpy_peer.py send TOPIC TYPE       publishes each line of its input, a value of ``data``
+rclpy_peer.py call SERVICE          for each line of its input: whether the service is there, and
+                                    whether it has answered; it waits a second for each
+"""
+
+import importlib
+import json
+import sys
+
+import rclpy
+from std_srvs.srv import Trigger
+
+WAIT_S = 1.0
+
+
+def message_type(name):
+    package, _, kind = name.split("/")
+    return getattr(importlib.import_module(f"{package}.msg"), kind)
+
+
+def plain(value):
+    """Return a message as JSON has it."""
+    if hasattr(value, "get_fields_and_field_types"):
+        return {name: plain(getattr(value, name)) for name in value.get_fields_and_field_types()}
+    if isinstance(value, bytes):
+        return value[0]  # `byte` of a definition
+    if hasattr(value, "__iter__") and not isinstance(value, str):
+        return [plain(each) for each in value]
+    return value
+
+
+def write(value):
+    sys.stdout.write(json.dumps(value) + "\n")
+    sys.stdout.flush()
+
+
+def listen(node, topic, kind):
+    node.create_subscription(message_type(kind), topic, lambda message: write(plain(message)), 10)
+    rclpy.spin(node)
+
+
+def send(node, topic, kind):
+    message = message_type(kind)
+    publisher = node.create_publisher(message, topic, 10)
+    for line in sys.stdin:
+        publisher.publish(message(data=json.loads(line)))
+
+
+def call(node, service):
+    client = node.create_client(Trigger, service)
+    for _ in sys.stdin:
+        there = client.wait_for_service(timeout_sec=WAIT_S)
+        reply = client.call_async(Trigger.Request()) if there else None
+        if reply is not None:
+            rclpy.spin_until_future_complete(node, reply, timeout_sec=WAIT_S)
+        write([there, reply is not None and reply.done()])
+
+
+rclpy.init()
+{"listen": listen, "send": send, "call": call}[sys.argv[1]](
+    rclpy.create_node(f"peer_{sys.argv[1]}"), *sys.argv[2:]
+)
