@@ -137,6 +137,7 @@ def test_a_lifecycle_from_configure_to_cleanup(each: Path, robot: Master, reader
         system.goes(f"set {LAMP} 1")
         system.sends(lambda: reader.value(OUTPUT) is True)
         system.goes("cleanup")
+        assert system.ask("get el6910-el1904/state") == "nan"
         reader.wait_for(OUTPUT, False)
 
 
@@ -273,6 +274,7 @@ def test_a_fault_is_an_error_in_humble_which_has_no_other_value() -> None:
             while (answer := system.ask("cycle 1")) == "OK":
                 pass
             assert answer == "write ERROR"
+            assert system.ask(f"get {STATE}") == "nan"
             while reader.good("status")["state"] != "stopped":
                 pass
             reader.good("start")

@@ -151,6 +151,9 @@ void Cell::deactivate() {
 void Cell::disconnect() {
     deactivate();
     link_.reset();
+    for (State &state : states_) {
+        state.number = kNothing;
+    }
     const uint64_t once = 1;
     (void)!::write(wake_, &once, sizeof once);
 }

@@ -137,15 +137,18 @@ public:
     }
     CallbackReturn on_cleanup(const rclcpp_lifecycle::State &) override {
         cell_->cleanup();
+        show_states();
         return CallbackReturn::SUCCESS;
     }
     CallbackReturn on_shutdown(const rclcpp_lifecycle::State &) override {
         cell_->cleanup();
+        show_states();
         return CallbackReturn::SUCCESS;
     }
     /** Called by the real-time thread after an error: waits for no thread. */
     CallbackReturn on_error(const rclcpp_lifecycle::State &) override {
         cell_->disconnect();
+        show_states();
         return CallbackReturn::SUCCESS;
     }
 
@@ -167,11 +170,7 @@ public:
 
     return_type read(const rclcpp::Time &, const rclcpp::Duration &) override {
         cell_->read();
-#ifdef FSOE_NET_ROS_SHARED_HANDLES
-        for (auto &row : states_) {
-            (void)!row.handle->set_value(*row.value);  // false: somebody reads it, the next cycle sets it
-        }
-#endif
+        show_states();
         return return_type::OK;
     }
     return_type write(const rclcpp::Time &, const rclcpp::Duration &) override {
@@ -212,6 +211,14 @@ private:
         return {row.component, info};
     }
 #endif
+
+    void show_states() {
+#ifdef FSOE_NET_ROS_SHARED_HANDLES
+        for (auto &row : states_) {
+            (void)!row.handle->set_value(*row.value);  // false: somebody reads it; the next cycle sets it
+        }
+#endif
+    }
 
     /** Takes away what an earlier controller has written. False: it cannot be done now. */
     static bool forget(Command &row) {

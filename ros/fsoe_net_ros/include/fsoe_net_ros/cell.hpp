@@ -89,7 +89,7 @@ public:
     void deactivate();
 
     /** Gives the outputs back and disconnects, without waiting for any thread: what an error in the
-     *  real-time thread may call. The bus continues. */
+     *  real-time thread may call. States are not a number. The bus continues. */
     void disconnect();
 
     /** disconnect(), and waits for the thread that follows the connections. */
