@@ -251,7 +251,7 @@ def test_only_what_may_be_set_has_a_subscription(robot: Master) -> None:
 
 
 def test_a_service_is_there_while_a_caller_waits_that_can_be_answered(robot: Master) -> None:
-    """`rmw_fastrtps_cpp` counts endpoints that match; its caller would wait for ever."""
+    """`rmw_fastrtps_cpp` counts endpoints that match; its caller would wait forever."""
     services = ("start", "stop", "restart", "set_parameters")
     with (
         bridged(robot.path, allow_control=True) as domain,

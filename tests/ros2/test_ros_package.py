@@ -49,13 +49,13 @@ GENERATIONS = ("humble", "jazzy", "rolling")
 
 @pytest.fixture(scope="session")
 def program() -> Path:
-    """Return what stands in for a controller manager of Jazzy."""
+    """Return the substitute for a controller manager of Jazzy."""
     return built("jazzy")
 
 
 @pytest.fixture(params=GENERATIONS)
 def each(request: pytest.FixtureRequest) -> Path:
-    """Return what stands in for one of each distribution."""
+    """Return the substitute for a controller manager of each distribution."""
     return built(request.param)
 
 

@@ -1,4 +1,4 @@
-"""Starts ros2_control on what `fsoe-net convert` has written."""
+"""Starts ros2_control with a description that `fsoe-net convert` has written."""
 
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument

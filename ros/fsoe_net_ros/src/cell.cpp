@@ -168,7 +168,7 @@ void Cell::cleanup() {
     (void)!::read(wake_, &count, sizeof count);
 }
 
-/** Takes what the thread has opened, unless outputs are written: they belong to the former run. */
+/** Uses the link that the thread has opened, except while outputs are written: they belong to the old one. */
 void Cell::take_fresh_link() {
     const std::unique_lock<std::mutex> lock(mutex_, std::try_to_lock);
     if (!lock.owns_lock() || fresh_ == nullptr || !fresh_->answers || link_->answers || writer_ != nullptr) {
@@ -189,7 +189,7 @@ void Cell::read() {
     const auto most = std::chrono::milliseconds(options_.lost_ms);
     const bool has_cycle = status == FSN_OK;
     if (has_cycle) {
-        // Its own time: the newest one may be old, of a bus that stands.
+        // The time of the cycle: the newest cycle of a frozen bus is old.
         last_cycle_ = std::chrono::steady_clock::time_point(std::chrono::nanoseconds(cycle.now_ns));
         seen_ = true;
     }
@@ -224,7 +224,7 @@ void Cell::show(double &number, const Link &link, std::size_t row, bool has_cycl
     }
 }
 
-/** Why commands cannot be sent; NULL: they can. */
+/** Returns the reason why commands cannot be sent, or NULL. */
 const char *Cell::find_fault(int status, bool is_stalled, bool is_incomplete) const {
     if (status == FSN_E_STATE) {
         return "the bus was stopped, or fsn-master has ended";
@@ -421,7 +421,7 @@ bool Cell::is_woken(int wait_ms) const {
     return poll(&woken, 1, wait_ms) != 0;
 }
 
-/** Follows the connections; looks for fsn-master where it is gone. Never takes outputs. */
+/** Follows the connections, and connects again when fsn-master is gone. Never takes outputs. */
 void Cell::follow(std::shared_ptr<Link> link) {
     std::string reported;
     do {
@@ -445,7 +445,7 @@ void Cell::follow(std::shared_ptr<Link> link) {
     } while (!is_woken(link == nullptr ? kAgainMs : 0));
 }
 
-/** Returns once there is nothing to follow. */
+/** Returns when the link has ended or the thread is woken. */
 void Cell::follow_connections(Link &link) {
     try {
         ControlSocket control(options_.socket, wake_);

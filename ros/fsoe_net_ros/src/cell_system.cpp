@@ -22,7 +22,7 @@
 #if __has_include(<hardware_interface/version.h>)  // not in older ones of Humble
 #include <hardware_interface/version.h>
 #endif
-// Its handles hold the values, and are shared with controllers; before, they point to ours.
+// Here handles contain the values and are shared with controllers; in older versions they point to our values.
 #if __has_include(<hardware_interface/types/hardware_component_interface_params.hpp>)
 #include <hardware_interface/types/hardware_component_interface_params.hpp>
 #define FSOE_NET_ROS_SHARED_HANDLES
@@ -31,7 +31,7 @@
 namespace fsoe_net_ros {
 
 #ifdef FSOE_NET_ROS_SHARED_HANDLES
-constexpr int kTries = 1000;  // of a handle that a controller reads meanwhile
+constexpr int kTries = 1000;  // to write a handle while a controller reads it
 #endif
 
 using hardware_interface::CallbackReturn;
@@ -215,12 +215,12 @@ private:
     void show_states() {
 #ifdef FSOE_NET_ROS_SHARED_HANDLES
         for (auto &row : states_) {
-            (void)!row.handle->set_value(*row.value);  // false: somebody reads it; the next cycle sets it
+            (void)!row.handle->set_value(*row.value);  // false: a controller reads it; the next cycle sets it
         }
 #endif
     }
 
-    /** Takes away what an earlier controller has written. False: it cannot be done now. */
+    /** Removes the value of an earlier controller. @return false  a controller keeps the handle locked. */
     static bool forget(Command &row) {
         *row.value = std::numeric_limits<double>::quiet_NaN();
 #ifdef FSOE_NET_ROS_SHARED_HANDLES

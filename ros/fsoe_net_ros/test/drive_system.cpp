@@ -5,7 +5,7 @@
 //
 // Lines: init configure activate deactivate cleanup error · cycle N (read, write, 1 ms), write · start NAME…, stop NAME…
 // (a controller claims or releases commands) · set COMPONENT/INTERFACE VALUE · get COMPONENT/INTERFACE. Each
-// line is answered by one. After an error or DEACTIVATE of read or write follows what the resource manager does.
+// line is answered by one. After an error or DEACTIVATE of read or write it calls the same function as the resource manager.
 #include <chrono>
 #include <hardware_interface/system_interface.hpp>
 #include <iostream>

@@ -5,8 +5,8 @@
  *  `in_data` (1 or 0) and `state` (0 silent … 6 process data, 7 unknown). A command is an output of the
  *  plan. An input and an output may share a name; one is never taken for the other.
  *
- *  From configure() on a thread follows the connections. When fsn-master or its bus is gone, it looks
- *  for them, and states return by themselves. Commands do not: they need activate() again.
+ *  From configure() on a thread follows the connections. When fsn-master or its bus is gone, it connects
+ *  again, and states return by themselves. Commands do not: they need activate() again.
  */
 #ifndef FSOE_NET_ROS_CELL_HPP
 #define FSOE_NET_ROS_CELL_HPP
