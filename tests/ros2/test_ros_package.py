@@ -234,15 +234,15 @@ def test_a_frozen_fsn_master_ends_commands_and_states_return_by_themselves(progr
             try:
                 begun_s = time.monotonic()
                 lost(system)
-                assert time.monotonic() - begun_s < REPLY_S / 2
+                assert time.monotonic() - begun_s < REPLY_S
                 system.goes("cycle 3")
                 assert system.ask(f"get {INPUT}") == "nan"
-                system.until(f"get {STATE}", UNKNOWN)
+                assert system.ask(f"get {STATE}") == UNKNOWN
                 begun_s = time.monotonic()
                 assert system.ask("activate") == "FAILURE"
                 system.goes("cleanup")
                 assert system.ask("configure") == "FAILURE"
-                assert time.monotonic() - begun_s < 4 * REPLY_S  # each waits once for a reply
+                assert time.monotonic() - begun_s < 8 * REPLY_S  # each waits once for a reply
             finally:
                 os.kill(master.process.pid, signal.SIGCONT)
             while system.ask("configure") != "SUCCESS":

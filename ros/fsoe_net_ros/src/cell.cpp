@@ -210,11 +210,11 @@ void Cell::read() {
     is_lost_ = fault != nullptr;
 }
 
-/** Sets a state; one of a connection is known without a cycle. */
+/** Sets a state. The state of a connection is polled separately, but is not current without cycles. */
 void Cell::show(double &number, const Link &link, std::size_t row, bool has_cycle, bool is_stalled) const {
     const Link::State &state = link.states[row];
     if (state.connection != kNoConnection) {
-        const int now_state = link.connections[state.connection].state;
+        const int now_state = is_stalled ? kUnknown : link.connections[state.connection].state.load();
         const bool in_data = now_state == kProcessData || now_state == kFailSafeData;
         number = !state.in_data ? now_state : (in_data ? 1.0 : 0.0);
     } else if (is_stalled) {
