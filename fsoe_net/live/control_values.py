@@ -77,11 +77,11 @@ class ClocksStatus:
 
     ``state``: ``synchronous``; ``apart``; ``no reference`` if no frame carries the time of the
     reference clock; ``unknown`` if there is nothing to compare. ``set_by``: ``bus`` if the
-        cycle follows the clock of ``reference``, ``host`` if this machine sets it. ``subdevices``:
-        number of compared clocks; ``outside`` of them are outside the window. ``place``: the
-        furthest one, or the lost reference. ``leaves``: how often clocks left the window since the
-        bus opened. The last frame reached the reference clock ``lead_ns`` before SYNC0; the target
-        is ``shift_ns``.
+    cycle follows the clock of ``reference``, ``host`` if this machine sets it. ``subdevices``:
+    number of compared clocks; ``outside`` of them are outside the window. ``place``: the
+    furthest one, or the lost reference. ``leaves``: how often clocks left the window since the
+    bus opened. The last frame reached the reference clock ``lead_ns`` before SYNC0; the target
+    is ``shift_ns``.
     """
 
     state: str

@@ -56,7 +56,7 @@ def _level(node: Node | None, source: str, out: Collector) -> tuple[str, int | N
 
     Args:
         node: The value of ``required`` or ``claim``.
-        source: What the user reads the level from; a hint never invents one.
+        source: Document with the level; a hint never invents one.
         out: Takes FSN113.
     """
     if not isinstance(node, MapNode):
