@@ -110,6 +110,10 @@ def connection_result(
     name = facts.name
     down, up = wire.to_sub, wire.to_main
     code = events.last_reset.get(name)
+    if code is None and wire.resets:
+        # A Reset while the other end is silent does not change the state, so no event reports it.
+        sent = [d.reset_code for d in (down, up) if d.resets]
+        code = next((c for c in sent if c), sent[0])
     to_data = events.to_data_ns.get(name)
     in_data = wire.state.in_data
     return ConnectionResult(

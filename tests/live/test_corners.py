@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from types import SimpleNamespace as Facts
 from typing import Any, cast
@@ -13,10 +13,14 @@ from live.whole_programs import program, refusal
 from networks import example
 from test_record.filled import fresh_record, timed
 
+from fsoe_net.core.bus_documents import PlannedConnection
+from fsoe_net.core.snapshot import ConnectionSnapshot, DirectionSnapshot
 from fsoe_net.errors import ControlRefused
+from fsoe_net.fsoe.observed import ConnectionState
+from fsoe_net.fsoe.pdu import reset_code_text
 from fsoe_net.live import build_master, in_use, scan, sockets
 from fsoe_net.live.attachment import _facts
-from fsoe_net.live.bus_events import BusEvents
+from fsoe_net.live.bus_events import BusEvents, connection_result
 from fsoe_net.live.live_bus import _LiveRun
 from fsoe_net.live.scan_files import _channels, _NotExpressible, compact_json
 from fsoe_net.model.names import Names
@@ -231,3 +235,20 @@ def test_values_of_a_live_bus_have_their_times(client: Any, lost: int):
     assert [event.text for event in done.events] == [
         "the bus was not running at the end; what is shown was seen last"
     ]
+
+
+@pytest.mark.parametrize(
+    ("to_sub", "to_main", "code"),
+    [((4, 5), (2, 0), 5), ((2, 0), (3, 7), 7), ((1, 5), (1, 0), None)],
+)
+def test_a_reset_without_an_event_has_the_code_of_its_counter(to_sub, to_main, code):
+    """Towards a silent end a Reset changes no state, so fsn-master sends no event."""
+    zero = dict.fromkeys((f.name for f in fields(DirectionSnapshot)), 0)
+    down, up = (
+        DirectionSnapshot(**zero | {"resets": resets, "reset_code": reset_code})
+        for resets, reset_code in (to_sub, to_main)
+    )
+    wire = ConnectionSnapshot(state=ConnectionState.SILENT, to_sub=down, to_main=up, gaps=0)
+    result = connection_result(PlannedConnection(name="a"), wire, BusEvents(start_ns=0))
+    assert result.last_reset_code == code
+    assert result.last_reset_text == ("" if code is None else reset_code_text(code))
