@@ -113,7 +113,7 @@ def _missing(out: FindingList, network: NetworkConfig, scan: Scan, match: Match)
         out.add(
             "FSN501",
             place_of(sub),
-            f"{sub.name} is missing: nothing on the bus is it, expected at {where}",
+            f"{sub.name} is missing: no SubDevice on the bus matches it; expected at {where}",
             hint=hint,
             severity=None if sub.required else Severity.INFO,
         )

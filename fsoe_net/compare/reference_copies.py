@@ -123,7 +123,7 @@ class _Copies:
             row.transfer.span,
             f"{counted(row.transfer.size_bytes, 'byte')} from {row.transfer.source} to "
             f"{row.transfer.destination}: {text} in {self.file.path}{end}",
-            hint="one of the two connects other frames; compare both with the safety project",
+            hint="one of the two copies the wrong frames; compare both with the safety project",
             related=(Related(span=there, message="the other file"),),
         )
 

@@ -237,7 +237,7 @@ def _entries_twice(ctx: Context, layout: DeviceLayout) -> None:
         ctx.add(
             "FSN408",
             idle_at.at("index"),
-            f"mapped more than once, as padding it seems: {names}",
+            f"mapped more than once, probably as padding: {names}",
             severity=Severity.INFO,
             hint="index 0x0000 marks padding clearly",
         )

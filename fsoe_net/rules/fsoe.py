@@ -61,7 +61,7 @@ def _values(ctx: Context, fact: ConnectionFacts) -> None:
         ctx.add(
             "FSN303",
             fact.at("address"),
-            f"FSoE address {fact.address} is what devices show that were never addressed",
+            f"FSoE address {fact.address} is the value of devices without an address",
             hint="set the address at the device (1 … 65534) and write it here",
         )
     if fact.connection_id == 0:

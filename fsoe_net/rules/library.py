@@ -60,7 +60,7 @@ def _frames(
         sub.device.span if sub.device is not None else sub.span,
         f"{sub.name} has FSoE frames of {_listed(frames)}; the library has {known.name} with "
         f"{_listed(_stated(nearest))} (unverified; {nearest.name}, from {source})",
-        hint="the library may be wrong or know other modules: compare with the manual and ESI",
+        hint="the library may be wrong, or describe other modules: compare with the manual and ESI",
         severity=Severity.INFO if modular else None,
     )
     return None

@@ -89,7 +89,7 @@ def _no_frame(function: SafetyFunction, element: SafetyElement) -> tuple[str, st
     # Within the logic no frame carries the signal.
     if any(e.kind is ElementKind.LOGIC and e.sub == element.sub for e in function.elements):
         return (
-            f"{element.sub} is the logic itself: no FSoE frame carries its safe bits",
+            f"{element.sub} is the safety logic: no FSoE frame carries its safe bits",
             "remove bits: of this element",
         )
     return (

@@ -88,7 +88,7 @@ def header_bits(slaves: list[EniSlave], parts: EniParts, out: Collector) -> int 
         out.add(
             "FSN142",
             b.span,
-            f"this window stands {two} bits after the offset of its command, another {one}",
+            f"this window is {two} bits after the offset of its command, another one {one} bits",
             hint="one file has one header size (0 or 80 bits); export the ENI again",
             related=(Related(span=a.span, message=f"{one} bits here"),),
         )
@@ -169,7 +169,7 @@ def _starts(
             "FSN143",
             span,
             f"the PDOs of {slave.described.name!r} have {bits} bits, its process data {room}",
-            hint="export the ENI again; where its entries lie is not known",
+            hint="export the ENI again; the places of its entries are unknown",
         )
     return []
 
