@@ -23,7 +23,7 @@ AGAIN = re.compile(r"calculat\w+ (\S+ ){0,3}again")
 NO_ADVICE = (
     "a longer watchdog hides lost frames",
     "device has a longer watchdog time, this is no mistake",
-    "People then raise the watchdog until it keeps quiet",
+    "People then raise the watchdog until it no longer expires",
     "has another bus cycle",
     "has another FSoE watchdog",
     "another mapping, another watchdog",
