@@ -41,7 +41,9 @@ static fsn_status create(const struct fsn_live_options *options, void **bus,
         status = fsn_plan_bus(all.plan, n, &info);
         own.interface = all.interface[n];
         own.cycle_ns = info.cycle_ns;
-        status = status == FSN_OK ? all.of->create(&own, &all.bus[n], fault) : status;
+        if (status == FSN_OK) {
+            status = all.of->create(&own, &all.bus[n], fault);
+        }
         members[n] = (struct fsn_several_member){.ops = all.of->ops, .bus = all.bus[n]};
     }
     if (status == FSN_OK) {

@@ -355,17 +355,11 @@ static fsn_status take_over(struct runner *runner, struct fsn_fault *fault,
             fault, FSN_E_STATE,
             "its version counts in another way; stop the bus, and start this one");
     }
-    fsn_status status = FSN_OK;
     if (runner->options->standby) {
-        status = follow(runner, fault);
-        status = status != FSN_OK
-                     ? status
-                     : predecessor_kill(predecessor, options_priority(runner->options), fault);
+        FSN_TRY(follow(runner, fault));
+        FSN_TRY(predecessor_kill(predecessor, options_priority(runner->options), fault));
     } else {
-        status = predecessor_end(predecessor, fault);
-    }
-    if (status != FSN_OK) {
-        return status;
+        FSN_TRY(predecessor_end(predecessor, fault));
     }
     runner->backend->ops->discard(runner->bus);
     return predecessor_continue(predecessor, runner->core, last);
@@ -390,16 +384,15 @@ static fsn_status begin_cycle(struct runner *runner, struct runner_result *resul
     struct fsn_statistics last;
     struct fsn_fault *fault = &result->fault;
     set_stop_values(runner);
-    fsn_status status = fsn_core_keep(runner->core, runner->options->record_ns, RECORD_BYTES);
-    status = status != FSN_OK ? status : open_room(runner);
-    if (status == FSN_OK && runner->predecessor != NULL) {
-        status = take_over(runner, fault, &last);
+    FSN_TRY(fsn_core_keep(runner->core, runner->options->record_ns, RECORD_BYTES));
+    FSN_TRY(open_room(runner));
+    if (runner->predecessor == NULL) {
+        return start_cycle(runner, fault, result);
     }
-    status = status != FSN_OK ? status : start_cycle(runner, fault, result);
-    if (status == FSN_OK && runner->predecessor != NULL) {
-        measure_gap(runner, &last, result);
-    }
-    return status;
+    FSN_TRY(take_over(runner, fault, &last));
+    FSN_TRY(start_cycle(runner, fault, result));
+    measure_gap(runner, &last, result);
+    return FSN_OK;
 }
 
 static void job_open(struct runner *runner, struct runner_result *result) {

@@ -5,6 +5,7 @@
 
 #include "fsn/emulated.h"
 #include "fsn/version.h"
+#include "plan/try.h"
 
 /** The emulated bus is created from its plan, so it is created when it is opened. */
 struct memory {
@@ -14,8 +15,8 @@ struct memory {
 static fsn_status memory_open(void *context, const struct fsn_plan *plan,
                               struct fsn_bus_layout *layout, struct fsn_fault *fault) {
     struct memory *memory = context;
-    const fsn_status status = fsn_emulated_create(plan, &memory->bus);
-    return status != FSN_OK ? status : fsn_emulated_ops()->open(memory->bus, plan, layout, fault);
+    FSN_TRY(fsn_emulated_create(plan, &memory->bus));
+    return fsn_emulated_ops()->open(memory->bus, plan, layout, fault);
 }
 
 static void memory_receive(void *context, struct fsn_bus_input *input) {

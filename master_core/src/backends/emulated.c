@@ -114,7 +114,9 @@ static fsn_status make_parts(struct fsn_emulated *bus, uint32_t count) {
         struct fsn_plan *plan;
         struct emulated_part *part = &bus->parts[n];
         status = fsn_plan_bus(bus->plan, n, &info);
-        status = status == FSN_OK ? fsn_plan_part(bus->plan, n, &plan) : status;
+        if (status == FSN_OK) {
+            status = fsn_plan_part(bus->plan, n, &plan);
+        }
         if (status == FSN_OK) {
             status = fsn_emulated_create(plan, &part->bus);
             fsn_plan_free(plan); /* the bus holds a reference */

@@ -135,13 +135,10 @@ static void member_close(void *context) {
 static fsn_status member_open(void *context, const struct fsn_plan *plan,
                               struct fsn_bus_layout *layout, struct fsn_fault *fault) {
     struct member *m = context;
-    fsn_status status = m->of.ops->open(m->of.bus, plan, &m->layout, fault);
-    if (status != FSN_OK) {
-        return status;
-    }
+    FSN_TRY(m->of.ops->open(m->of.bus, plan, &m->layout, fault));
     m->open = true;
     *layout = m->layout;
-    status = fsn_exchange_create(m->part, &m->layout, &m->exchange);
+    const fsn_status status = fsn_exchange_create(m->part, &m->layout, &m->exchange);
     if (status != FSN_OK) {
         member_close(m);
     }
@@ -451,19 +448,17 @@ static fsn_status make_member(struct fsn_several *several, uint32_t number,
                               const struct fsn_several_member *of) {
     struct member *m = &several->members[number];
     m->of = *of;
-    fsn_status status = fsn_plan_bus(several->plan, number, &m->info);
-    if (status == FSN_OK && of->part != NULL) {
+    FSN_TRY(fsn_plan_bus(several->plan, number, &m->info));
+    if (of->part != NULL) {
         fsn_plan_hold(of->part);
         m->part = (struct fsn_plan *)of->part;
-    } else if (status == FSN_OK) {
-        status = fsn_plan_part(several->plan, number, &m->part);
+    } else {
+        FSN_TRY(fsn_plan_part(several->plan, number, &m->part));
     }
     struct fsn_subdevice_info first;
-    if (status == FSN_OK) {
-        status = fsn_plan_subdevice(several->plan, m->info.first_subdevice, &first);
-        m->first_sm = first.first_sm;
-    }
-    return status;
+    FSN_TRY(fsn_plan_subdevice(several->plan, m->info.first_subdevice, &first));
+    m->first_sm = first.first_sm;
+    return FSN_OK;
 }
 
 fsn_status fsn_several_create(const struct fsn_plan *plan, const struct fsn_several_member *members,

@@ -280,10 +280,7 @@ static fsn_status activate_monitor(struct fsn_core *core, struct fsn_fault *faul
     rt->connection_count = count;
     uint32_t seen_bytes = 0;
     for (uint32_t i = 0; i < count; i++) {
-        const fsn_status status = watch(core, i, &seen_bytes, fault);
-        if (status != FSN_OK) {
-            return status;
-        }
+        FSN_TRY(watch(core, i, &seen_bytes, fault));
     }
     rt->seen = fsn_calloc_prefaulted((size_t)seen_bytes + 1, 1);
     return rt->seen != NULL ? FSN_OK : fsn_refuse_all(fault, FSN_E_NOMEM, NULL);
@@ -360,7 +357,7 @@ fsn_status fsn_core_activate(struct fsn_core *core, struct fsn_fault *fault) {
     struct fsn_bus_layout *layout = &core->layout;
     struct fsn_fault of_bus;
     fsn_refuse_all(&of_bus, FSN_OK, NULL);
-    fsn_status status = core->rt.ops->open(core->rt.bus, core->plan, layout, &of_bus);
+    const fsn_status status = core->rt.ops->open(core->rt.bus, core->plan, layout, &of_bus);
     if (status != FSN_OK) {
         if (of_bus.status != status) {
             return fsn_refuse_all(fault, status, "the bus does not open");
@@ -371,21 +368,16 @@ fsn_status fsn_core_activate(struct fsn_core *core, struct fsn_fault *fault) {
         return status;
     }
     core->opened = true;
-    status = check_layout(core, fault);
-    if (status != FSN_OK) {
-        return status;
-    }
+    FSN_TRY(check_layout(core, fault));
     core->rt.image = layout->image;
     core->rt.image_bytes = layout->image_bytes;
     if (layout->image_bytes > 0) {
         /* Until its source has delivered data, a destination contains zeros. */
         memset(layout->image, 0, layout->image_bytes);
     }
-    typedef fsn_status (*step)(struct fsn_core *, struct fsn_fault *);
-    static const step steps[] = {activate_copies, activate_monitor, activate_outputs,
-                                 activate_input, activate_snapshot};
-    for (size_t i = 0; i < sizeof steps / sizeof steps[0] && status == FSN_OK; i++) {
-        status = steps[i](core, fault);
-    }
-    return status;
+    FSN_TRY(activate_copies(core, fault));
+    FSN_TRY(activate_monitor(core, fault));
+    FSN_TRY(activate_outputs(core, fault));
+    FSN_TRY(activate_input(core, fault));
+    return activate_snapshot(core, fault);
 }

@@ -39,10 +39,7 @@ static fsn_status transfer_object(struct fsn_core *core, uint32_t subdevice,
     if (!is_allowed(transfer)) {
         return FSN_E_ARG;
     }
-    const fsn_status status = reach(core, subdevice, &acyclic, &transfer->position);
-    if (status != FSN_OK) {
-        return status;
-    }
+    FSN_TRY(reach(core, subdevice, &acyclic, &transfer->position));
     fsn_status (*transfer_it)(void *bus, struct fsn_transfer *transfer) =
         writes ? acyclic->download : acyclic->upload;
     return transfer_it != NULL ? transfer_it(core->rt.bus, transfer) : FSN_E_ABSENT;
@@ -83,11 +80,7 @@ fsn_status fsn_acyclic_read_sii(const struct fsn_bus_acyclic *acyclic, void *bus
     }
     while ((want = needed(transfer->data, have, room, &category)) > have) {
         const uint32_t step = want - have < SII_STEP ? want - have : SII_STEP;
-        const fsn_status status =
-            acyclic->sii_read(bus, transfer->position, have, transfer->data + have, step);
-        if (status != FSN_OK) {
-            return status;
-        }
+        FSN_TRY(acyclic->sii_read(bus, transfer->position, have, transfer->data + have, step));
         have += step;
         transfer->size_bytes = have;
         if (transfer->between != NULL && !transfer->between(transfer->self)) {
@@ -103,39 +96,26 @@ fsn_status fsn_core_sii_read(struct fsn_core *core, uint32_t subdevice,
     if (!is_allowed(transfer)) {
         return FSN_E_ARG;
     }
-    const fsn_status status = reach(core, subdevice, &acyclic, &transfer->position);
-    return status != FSN_OK ? status : fsn_acyclic_read_sii(acyclic, core->rt.bus, transfer);
+    FSN_TRY(reach(core, subdevice, &acyclic, &transfer->position));
+    return fsn_acyclic_read_sii(acyclic, core->rt.bus, transfer);
 }
 
 fsn_status fsn_core_alias_write(struct fsn_core *core, uint32_t subdevice, uint16_t alias) {
     const struct fsn_bus_acyclic *acyclic;
     uint32_t position;
     uint8_t head[16];
-    fsn_status status = reach(core, subdevice, &acyclic, &position);
-    if (status != FSN_OK) {
-        return status;
-    }
+    FSN_TRY(reach(core, subdevice, &acyclic, &position));
     if (acyclic->sii_read == NULL || acyclic->sii_write == NULL) {
         return FSN_E_ABSENT;
     }
     void *bus = core->rt.bus;
-    status = acyclic->sii_read(bus, position, 0, head, sizeof head);
-    if (status != FSN_OK) {
-        return status;
-    }
+    FSN_TRY(acyclic->sii_read(bus, position, 0, head, sizeof head));
     head[SII_ALIAS] = (uint8_t)alias;
     head[SII_ALIAS + 1] = (uint8_t)(alias >> 8);
     head[SII_CHECKSUM] = fsn_eeprom_checksum(head);
-    status = acyclic->sii_write(bus, position, SII_ALIAS, alias);
-    if (status == FSN_OK) {
-        status = acyclic->sii_write(bus, position, SII_CHECKSUM, fsn_get16(head + SII_CHECKSUM));
-    }
+    FSN_TRY(acyclic->sii_write(bus, position, SII_ALIAS, alias));
+    FSN_TRY(acyclic->sii_write(bus, position, SII_CHECKSUM, fsn_get16(head + SII_CHECKSUM)));
     uint8_t back[16] = {0}; /* mutants: read before it is compared */
-    if (status == FSN_OK) {
-        status = acyclic->sii_read(bus, position, 0, back, sizeof back);
-    }
-    if (status != FSN_OK) {
-        return status;
-    }
+    FSN_TRY(acyclic->sii_read(bus, position, 0, back, sizeof back));
     return memcmp(head, back, sizeof head) == 0 ? FSN_OK : FSN_E_BUS_STATE;
 }

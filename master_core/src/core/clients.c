@@ -251,16 +251,13 @@ static void let_in(struct fsn_core *core, uint32_t n) {
 fsn_status fsn_core_client_open(struct fsn_core *core, const struct fsn_core_client *wanted,
                                 uint32_t *number, int fds[FSN_CLIENT_FDS]) {
     fds[0] = fds[1] = -1;
-    fsn_status status = check_wanted(core, wanted);
-    status = status != FSN_OK ? status : make_inputs(core);
-    if (status != FSN_OK) {
-        return status;
-    }
+    FSN_TRY(check_wanted(core, wanted));
+    FSN_TRY(make_inputs(core));
     const uint32_t n = find_place(core);
     if (n == FSN_NONE) {
         return FSN_E_BUSY;
     }
-    status = fill_place(core, wanted, n, fds);
+    const fsn_status status = fill_place(core, wanted, n, fds);
     if (status != FSN_OK) {
         const int error = errno;
         for (int i = 0; i < FSN_CLIENT_FDS; i++) {

@@ -150,14 +150,16 @@ static fsn_status read_given_address(const struct fsn_plan *plan,
     const struct fsn_copy_info copy = fsn_known_copy(plan, c->copy_to_main);
     const uint16_t object =
         fsn_parameter_object(fsn_object_at(plan, copy.source_sm, 8 * copy.source_byte));
-    fsn_status status =
-        object == 0 ? FSN_E_ABSENT : fsn_objects_read(objects, object, 0, bytes, detail);
-    if (status != FSN_OK || bytes[0] < FSN_PARAMETER_WATCHDOG_MS) {
-        return status != FSN_OK ? status : FSN_E_ABSENT;
+    if (object == 0) {
+        return FSN_E_ABSENT;
     }
-    status = fsn_objects_read(objects, object, FSN_PARAMETER_ADDRESS, bytes, detail);
+    FSN_TRY(fsn_objects_read(objects, object, 0, bytes, detail));
+    if (bytes[0] < FSN_PARAMETER_WATCHDOG_MS) {
+        return FSN_E_ABSENT;
+    }
+    FSN_TRY(fsn_objects_read(objects, object, FSN_PARAMETER_ADDRESS, bytes, detail));
     *found = fsn_get16(bytes);
-    return status == FSN_OK && *found == 0 ? FSN_E_ABSENT : status;
+    return *found == 0 ? FSN_E_ABSENT : FSN_OK;
 }
 
 fsn_status fsn_check_address(const struct fsn_plan *plan, uint32_t subdevice,

@@ -136,10 +136,7 @@ static uint32_t place(struct fsn_frames *frames, bool with_dc, bool dc_host) {
 fsn_status fsn_frames_create(const struct fsn_plan *plan, uint16_t dc_station, bool dc_host,
                              struct fsn_frames *frames) {
     *frames = (struct fsn_frames){.wire.sockets = {-1, -1}};
-    const fsn_status status = fsn_image_create(plan, FSN_WIRE_LRW_BYTES, &frames->image);
-    if (status != FSN_OK) {
-        return status;
-    }
+    FSN_TRY(fsn_image_create(plan, FSN_WIRE_LRW_BYTES, &frames->image));
     struct fsn_wire *wire = &frames->wire;
     const uint32_t datagrams = frames->image.datagram_count;
     frames->bytes = fsn_calloc_prefaulted((size_t)frames->image.bytes + 1, 1);

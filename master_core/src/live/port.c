@@ -181,10 +181,7 @@ fsn_status fsn_port_open(const char *interface, uint16_t tag, bool stamp, int *o
     unsigned number;
     int fd;
     *out = -1;
-    const fsn_status status = open_raw(interface, &fd, &number, fault);
-    if (status != FSN_OK) {
-        return status;
-    }
+    FSN_TRY(open_raw(interface, &fd, &number, fault));
     const int yes = 1;
     const int bytes = CYCLIC_BUFFER_BYTES;
     (void)setsockopt(fd, SOL_SOCKET, SO_RCVBUF, &bytes, sizeof bytes);
@@ -207,10 +204,7 @@ fsn_status fsn_port_open(const char *interface, uint16_t tag, bool stamp, int *o
 fsn_status fsn_port_open_foreign(const char *interface, uint16_t tag, int *out,
                                  struct fsn_fault *fault) {
     unsigned number;
-    const fsn_status status = open_raw(interface, out, &number, fault);
-    if (status != FSN_OK) {
-        return status;
-    }
+    FSN_TRY(open_raw(interface, out, &number, fault));
     const int least = 0; /* also counts packets that do not fit */
     (void)setsockopt(*out, SOL_SOCKET, SO_RCVBUF, &least, sizeof least);
     if (filter_foreign(*out, tag) != 0 || bind_to(*out, number, ETHERCAT) != 0) {
@@ -299,10 +293,7 @@ static unsigned hear(int fd, uint64_t listen_ns) {
 fsn_status fsn_port_listen(const char *interface, uint64_t listen_ns, struct fsn_fault *fault) {
     unsigned number;
     int fd;
-    const fsn_status status = open_raw(interface, &fd, &number, fault);
-    if (status != FSN_OK) {
-        return status;
-    }
+    FSN_TRY(open_raw(interface, &fd, &number, fault));
     /* All protocols; otherwise the frames sent by this host would not be received. */
     struct sock_filter ethercat[] = {
         BPF_STMT(BPF_LD | BPF_H | BPF_ABS, 12),

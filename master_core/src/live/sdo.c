@@ -118,10 +118,7 @@ static bool goes_on(const struct fsn_transfer *t) {
 static fsn_status take_segment(struct exchange *x, uint32_t *done, uint32_t size, bool toggle,
                                bool *last) {
     begin(x, SDO_BYTES)[0] = (uint8_t)(UPLOAD_SEGMENT | (toggle ? TOGGLE : 0));
-    const fsn_status status = exchange_sdo(x, false);
-    if (status != FSN_OK) {
-        return status;
-    }
+    FSN_TRY(exchange_sdo(x, false));
     uint32_t given = x->sdo_bytes - 1;
     if (given == 7) {
         given -= x->sdo[0] >> 1 & 7;
@@ -143,10 +140,7 @@ static fsn_status take_segments(struct exchange *x, uint32_t done, uint32_t size
         if (!goes_on(x->transfer)) {
             return give_up(x, FSN_E_STATE);
         }
-        const fsn_status status = take_segment(x, &done, size, toggle, &last);
-        if (status != FSN_OK) {
-            return status;
-        }
+        FSN_TRY(take_segment(x, &done, size, toggle, &last));
         toggle = !toggle;
     }
     x->transfer->size_bytes = done;
@@ -159,10 +153,7 @@ fsn_status fsn_sdo_upload(const struct fsn_mailbox *mailbox, struct fsn_transfer
         return FSN_E_ABSENT;
     }
     (void)begin_object(&x, UPLOAD, 0);
-    const fsn_status status = exchange_sdo(&x, true);
-    if (status != FSN_OK) {
-        return status;
-    }
+    FSN_TRY(exchange_sdo(&x, true));
     const uint8_t command = x.sdo[0];
     if (command >> 5 != UPLOAD >> 5) {
         return FSN_E_BUS_STATE;
@@ -201,10 +192,7 @@ static fsn_status give_segments(struct exchange *x, uint32_t done) {
         uint8_t *sdo = begin(x, 1 + shown);
         sdo[0] = (uint8_t)((toggle ? TOGGLE : 0) | (now == left ? 1 : 0) | (shown - now) << 1);
         memcpy(sdo + 1, t->data + done, now);
-        const fsn_status status = exchange_sdo(x, false);
-        if (status != FSN_OK) {
-            return status;
-        }
+        FSN_TRY(exchange_sdo(x, false));
         if (x->sdo[0] >> 5 != 1 || ((x->sdo[0] & TOGGLE) != 0) != toggle) {
             return give_up(x, FSN_E_BUS_STATE);
         }
@@ -231,10 +219,7 @@ fsn_status fsn_sdo_download(const struct fsn_mailbox *mailbox, struct fsn_transf
         fsn_put32(sdo + 4, size);
         memcpy(sdo + SDO_BYTES, transfer->data, now);
     }
-    const fsn_status status = exchange_sdo(&x, true);
-    if (status != FSN_OK) {
-        return status;
-    }
+    FSN_TRY(exchange_sdo(&x, true));
     if (x.sdo[0] >> 5 != 3) {
         return FSN_E_BUS_STATE;
     }

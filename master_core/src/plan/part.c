@@ -179,8 +179,8 @@ static fsn_status write_sections(struct part *part) {
         part->to->offset[section] = part->to->len_bytes;
         put[section](part);
     }
-    const fsn_status status = fsn_prove_layout(part->to, NULL);
-    return status == FSN_OK ? fsn_prove_copies(part->to, NULL) : status;
+    FSN_TRY(fsn_prove_layout(part->to, NULL));
+    return fsn_prove_copies(part->to, NULL);
 }
 
 fsn_status fsn_plan_part(const struct fsn_plan *plan, uint32_t bus, struct fsn_plan **out) {

@@ -118,10 +118,7 @@ static fsn_status read_sections(struct fsn_plan *plan, struct fsn_fault *fault) 
         plan->offset[s] = offset;
         plan->count[s] = count;
         expected = s < plan->sections ? (end + 3) & ~(uint64_t)3 : end;
-        const fsn_status status = check_gap(plan, s, end, expected, fault);
-        if (status != FSN_OK) {
-            return status;
-        }
+        FSN_TRY(check_gap(plan, s, end, expected, fault));
     }
     if (expected != plan->len_bytes) {
         return fsn_refuse(fault, FSN_E_PLAN_LENGTH, plan->sections, FSN_FAULT_NO_RECORD,
@@ -139,10 +136,7 @@ fsn_status fsn_plan_load(const void *bytes, size_t len_bytes, struct fsn_plan **
     if (bytes == NULL) {
         return fsn_refuse_all(fault, FSN_E_ARG, NULL);
     }
-    fsn_status status = check_header(bytes, len_bytes, fault);
-    if (status != FSN_OK) {
-        return status;
-    }
+    FSN_TRY(check_header(bytes, len_bytes, fault));
     struct fsn_plan *plan = calloc(1, sizeof *plan);
     uint8_t *copy = malloc(len_bytes);
     if (plan == NULL || copy == NULL) {
@@ -156,7 +150,7 @@ fsn_status fsn_plan_load(const void *bytes, size_t len_bytes, struct fsn_plan **
     plan->len_bytes = (uint32_t)len_bytes;
     plan->cycle_ns = fsn_get32(copy + 20);
     plan->sections = fsn_get32(copy + 24);
-    status = read_sections(plan, fault);
+    fsn_status status = read_sections(plan, fault);
     if (status == FSN_OK) {
         status = fsn_prove_layout(plan, fault);
     }

@@ -8,6 +8,7 @@
 #include "fsn/monitor.h"
 #include "fsn/plan.h"
 #include "plan/records.h"
+#include "plan/try.h"
 #include "rt/bytes.h"
 
 enum {

@@ -231,13 +231,8 @@ static fsn_status prove_one_copy(const struct fsn_at *at) {
         return fsn_refuse_at(at, FSN_E_COPY_ALIGN, FSN_AT(copy, bits),
                              "a copy has at least one whole byte");
     }
-    fsn_status status = prove_end(at, source_of(&r), FSN_INPUT, r.bits);
-    if (status == FSN_OK) {
-        status = prove_end(at, destination_of(&r), FSN_OUTPUT, r.bits);
-    }
-    if (status != FSN_OK) {
-        return status;
-    }
+    FSN_TRY(prove_end(at, source_of(&r), FSN_INPUT, r.bits));
+    FSN_TRY(prove_end(at, destination_of(&r), FSN_OUTPUT, r.bits));
     if (!fsn_string_ok(plan, r.net)) {
         return fsn_refuse_at(at, FSN_E_PLAN_STRING, FSN_AT(copy, net),
                              "the net's name lies outside the strings");
@@ -263,10 +258,7 @@ static fsn_status prove_copies(const struct fsn_plan *plan, struct fsn_fault *fa
     uint32_t last_sm = 0;
     uint32_t last_end = 0;
     for (; at.number < plan->count[FSN_SEC_COPY]; at.number++) {
-        const fsn_status status = prove_one_copy(&at);
-        if (status != FSN_OK) {
-            return status;
-        }
+        FSN_TRY(prove_one_copy(&at));
         const struct fsn_copy_record r = fsn_read_copy(plan, at.number);
         const uint32_t sm = r.destination_sm;
         const uint32_t bit = r.destination_bit;
@@ -332,15 +324,10 @@ static fsn_status prove_connections(const struct fsn_plan *plan, struct fsn_faul
             return fsn_refuse_at(&at, FSN_E_PLAN_STRING, FSN_AT(connection, app_parameters),
                                  "the application parameters are not pairs of hex digits");
         }
-        fsn_status status = prove_direction(&at, FSN_AT(connection, copy_to_sub), r.copy_to_sub,
-                                            r.main, r.sub, r.safe_to_sub);
-        if (status == FSN_OK) {
-            status = prove_direction(&at, FSN_AT(connection, copy_to_main), r.copy_to_main, r.sub,
-                                     r.main, r.safe_to_main);
-        }
-        if (status != FSN_OK) {
-            return status;
-        }
+        FSN_TRY(prove_direction(&at, FSN_AT(connection, copy_to_sub), r.copy_to_sub, r.main, r.sub,
+                                r.safe_to_sub));
+        FSN_TRY(prove_direction(&at, FSN_AT(connection, copy_to_main), r.copy_to_main, r.sub,
+                                r.main, r.safe_to_main));
     }
     return FSN_OK;
 }

@@ -142,10 +142,7 @@ static fsn_status prove_pdos(const struct fsn_at *sm, uint32_t first, uint32_t c
             return fsn_refuse_at(&at, FSN_E_PLAN_REFERENCE, FSN_AT(pdo, first_entry),
                                  "entries do not follow those of the PDO before");
         }
-        const fsn_status status = prove_entries(&at, r.first_entry, r.entry_count, bit, registered);
-        if (status != FSN_OK) {
-            return status;
-        }
+        FSN_TRY(prove_entries(&at, r.first_entry, r.entry_count, bit, registered));
     }
     return FSN_OK;
 }
@@ -175,10 +172,7 @@ static fsn_status prove_one_sm(const struct fsn_at *at, uint32_t owner, int prev
     }
     uint32_t bits = 0;
     bool registered = false;
-    const fsn_status status = prove_pdos(at, r.first_pdo, r.pdo_count, entries, &bits, &registered);
-    if (status != FSN_OK) {
-        return status;
-    }
+    FSN_TRY(prove_pdos(at, r.first_pdo, r.pdo_count, entries, &bits, &registered));
     /* Length and flag are stored twice, so that readers need not calculate them; both must
      * agree. */
     if (bits != r.bits || registered != (r.registered == 1)) {
@@ -197,10 +191,7 @@ static fsn_status prove_sms(const struct fsn_plan *plan, struct fsn_fault *fault
         const uint32_t end = owner.first_sm + owner.sm_count;
         int previous = -1;
         for (at.number = owner.first_sm; at.number < end; at.number++) {
-            const fsn_status status = prove_one_sm(&at, sub, previous, &pdos, &entries);
-            if (status != FSN_OK) {
-                return status;
-            }
+            FSN_TRY(prove_one_sm(&at, sub, previous, &pdos, &entries));
             previous = fsn_read_sm(plan, at.number).index;
         }
     }

@@ -187,8 +187,8 @@ static fsn_status lock_interface(int *lock, const char *interface) {
 
 static fsn_status open_port(struct fsn_segment *s, uint32_t port, const char *interface,
                             bool takes_real) {
-    const fsn_status status = open_socket(&s->sockets[port], interface, takes_real);
-    return status == FSN_OK ? lock_interface(&s->locks[port], interface) : status;
+    FSN_TRY(open_socket(&s->sockets[port], interface, takes_real));
+    return lock_interface(&s->locks[port], interface);
 }
 
 static void close_sockets(struct fsn_segment *s) {
@@ -235,9 +235,8 @@ static int start_thread(struct fsn_segment *s, const struct fsn_segment_link_opt
 
 static fsn_status open_ports(struct fsn_segment *s, const struct fsn_segment_link_options *o) {
     const bool takes_real = TEST_RIG != 0 && o->no_machine_on_this_wire;
-    const fsn_status status = open_port(s, 0, o->interface, takes_real);
-    return status == FSN_OK && o->interface2 != NULL ? open_port(s, 1, o->interface2, takes_real)
-                                                     : status;
+    FSN_TRY(open_port(s, 0, o->interface, takes_real));
+    return o->interface2 != NULL ? open_port(s, 1, o->interface2, takes_real) : FSN_OK;
 }
 
 /** Starts answering. Returns 0, or errno. */

@@ -50,10 +50,10 @@ fsn_status igh_check_address(struct fsn_igh *bus, struct igh_node *node, bool *r
 }
 
 fsn_status igh_check(struct fsn_igh *bus, struct igh_node *node) {
-    fsn_status status = find_coe(bus, node);
-    status = status != FSN_OK ? status : write_sdos(bus, node);
-    status = status != FSN_OK ? status : igh_check_pdos(bus, node);
-    return status != FSN_OK ? status : igh_check_address(bus, node, &node->address_readable);
+    FSN_TRY(find_coe(bus, node));
+    FSN_TRY(write_sdos(bus, node));
+    FSN_TRY(igh_check_pdos(bus, node));
+    return igh_check_address(bus, node, &node->address_readable);
 }
 
 /* -- configuration -------------------------------------------------------------------------- */

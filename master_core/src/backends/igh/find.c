@@ -165,10 +165,7 @@ static fsn_status match_scanned(struct fsn_igh *bus, struct fsn_fault *fault) {
     ec_master_info_t after = {.scan_busy = 1};
     for (int tries = 0; after.scan_busy != 0 && tries < MOST_SCANS; tries++) {
         ec_master_info_t master = {0};
-        status = wait_for_scan(bus, &master, fault);
-        if (status != FSN_OK) {
-            return status;
-        }
+        FSN_TRY(wait_for_scan(bus, &master, fault));
         status = master.slave_count == 0 ? nobody(bus, master.link_up, fault)
                                          : match(bus, master.slave_count, fault);
         if (ecrt_master(bus->master, &after) != 0) {
@@ -179,12 +176,12 @@ static fsn_status match_scanned(struct fsn_igh *bus, struct fsn_fault *fault) {
 }
 
 fsn_status igh_find(struct fsn_igh *bus, struct fsn_fault *fault) {
-    fsn_status status = match_scanned(bus, fault);
-    status = status != FSN_OK ? status : reserve(bus, fault);
+    FSN_TRY(match_scanned(bus, fault));
+    FSN_TRY(reserve(bus, fault));
     /* Between the scan and the reservation the bus may have changed. */
-    status = status != FSN_OK ? status : match_scanned(bus, fault);
-    for (uint32_t n = 0; n < bus->all.count && status == FSN_OK; n++) {
-        status = wait_for_preop(bus, &bus->nodes[n], fault);
+    FSN_TRY(match_scanned(bus, fault));
+    for (uint32_t n = 0; n < bus->all.count; n++) {
+        FSN_TRY(wait_for_preop(bus, &bus->nodes[n], fault));
     }
-    return status;
+    return FSN_OK;
 }

@@ -108,10 +108,7 @@ static int by_place(const void *a, const void *b) {
 
 /** One area, hence one datagram, for each sync manager with a place. */
 static fsn_status make_areas(struct fsn_igh *bus) {
-    const fsn_status status = fsn_image_create(bus->all.plan, FSN_MAX_DATAGRAM_BYTES, &bus->image);
-    if (status != FSN_OK) {
-        return status;
-    }
+    FSN_TRY(fsn_image_create(bus->all.plan, FSN_MAX_DATAGRAM_BYTES, &bus->image));
     const uint32_t sms = fsn_plan_sm_count(bus->all.plan);
     bus->bytes = fsn_calloc_prefaulted((size_t)bus->image.bytes + 1, 1);
     bus->areas = fsn_calloc_prefaulted((size_t)sms + 1, sizeof *bus->areas);
@@ -182,7 +179,7 @@ static fsn_status activate(struct fsn_igh *bus, struct fsn_fault *fault) {
 static fsn_status open_steps(struct fsn_igh *bus, const struct fsn_plan *plan,
                              struct fsn_fault *fault) {
     bus->nodes = fsn_nodes_create(&bus->all, plan, sizeof *bus->nodes);
-    fsn_status status = bus->nodes != NULL ? make_areas(bus) : FSN_E_NOMEM;
+    const fsn_status status = bus->nodes != NULL ? make_areas(bus) : FSN_E_NOMEM;
     if (status != FSN_OK) {
         return fsn_refuse_all(fault, status, NULL);
     }
@@ -192,10 +189,10 @@ static fsn_status open_steps(struct fsn_igh *bus, const struct fsn_plan *plan,
                                "no master of that number: is the module ec_master loaded, and may "
                                "this user open its device, /dev/EtherCAT0 and so on?");
     }
-    status = igh_find(bus, fault);
-    status = status != FSN_OK ? status : fsn_nodes_check(&bus->all, bus, check, fault);
-    status = status != FSN_OK ? status : configure_all(bus, fault);
-    return status != FSN_OK ? status : activate(bus, fault);
+    FSN_TRY(igh_find(bus, fault));
+    FSN_TRY(fsn_nodes_check(&bus->all, bus, check, fault));
+    FSN_TRY(configure_all(bus, fault));
+    return activate(bus, fault);
 }
 
 static fsn_status igh_open(void *context, const struct fsn_plan *plan,

@@ -267,7 +267,9 @@ static fsn_status soem_visit(void *context, bool *states_changed, struct fsn_fau
     bus->all.count = 0;
     *states_changed = false;
     fsn_status status = soem_take_interfaces(bus, fault);
-    status = status != FSN_OK ? status : soem_open_nic(bus, fault);
+    if (status == FSN_OK) {
+        status = soem_open_nic(bus, fault);
+    }
     if (status == FSN_OK) {
         *states_changed = true; /* SOEM brings all to INIT before it requests a higher state */
         status = soem_find(bus, fault);

@@ -146,10 +146,7 @@ fsn_status soem_compare(struct fsn_soem *bus, struct node *node) {
                   etohs(al.alstatus));
         return FSN_E_BUS_STATE;
     }
-    const fsn_status status = soem_compare_layout(bus, node);
-    if (status != FSN_OK) {
-        return status;
-    }
+    FSN_TRY(soem_compare_layout(bus, node));
     node->known.seen.al_status = FSN_AL_OP;
     node->configured = true;
     atomic_store(&bus->frames.wire.answers[node->known.number], 1);

@@ -125,10 +125,7 @@ static fsn_status use_layout(struct fsn_soem *bus, struct node *node, use_fn use
         if (fsn_sm_bytes(bus->all.plan, sm) == 0) {
             continue;
         }
-        const fsn_status status = use_sm(bus, node, sm, &physical, use);
-        if (status != FSN_OK) {
-            return status;
-        }
+        FSN_TRY(use_sm(bus, node, sm, &physical, use));
         if (base == FSN_NONE) {
             continue;
         }
@@ -179,11 +176,10 @@ fsn_status soem_configure(struct fsn_soem *bus, struct node *node) {
     }
     ecx_eeprom2pdi(&bus->context, node->slave);
     /* At the start, all clocks were set together. */
-    fsn_status clocked = bus->goal != 0 ? soem_set_clock(bus, node) : FSN_OK;
-    clocked = clocked != FSN_OK ? clocked : soem_start_sync(bus, node);
-    if (clocked != FSN_OK) {
-        return clocked;
+    if (bus->goal != 0) {
+        FSN_TRY(soem_set_clock(bus, node));
     }
+    FSN_TRY(soem_start_sync(bus, node));
     node->configured = true;
     soem_note(bus, node, FSN_FOUND_RIGHT, "%s", "");
     return FSN_OK;

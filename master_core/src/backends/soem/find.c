@@ -148,10 +148,7 @@ fsn_status soem_find(struct fsn_soem *bus, struct fsn_fault *fault) {
     for (int s = 0; s <= bus->slave_count; s++) {
         bus->places[s] = (struct place){.node = SOEM_NO_NODE, .had = bus->slaves[s].activeports};
     }
-    const fsn_status status = match(bus, fault);
-    if (status != FSN_OK) {
-        return status;
-    }
+    FSN_TRY(match(bus, fault));
     for (uint32_t n = 0; n < bus->all.count; n++) {
         struct node *node = &bus->nodes[n];
         if (node->group == FSN_NONE && !reach_preop(bus, node->slave)) {

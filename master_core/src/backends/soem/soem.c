@@ -182,11 +182,11 @@ fsn_status soem_open_nic(struct fsn_soem *bus, struct fsn_fault *fault) {
 }
 
 fsn_status soem_take_interfaces(struct fsn_soem *bus, struct fsn_fault *fault) {
-    fsn_status status = fsn_port_listen(bus->interface, LISTEN_NS, fault);
-    if (status == FSN_OK && bus->redundant[0] != '\0') {
-        status = fsn_port_listen(bus->redundant, LISTEN_NS, fault);
+    FSN_TRY(fsn_port_listen(bus->interface, LISTEN_NS, fault));
+    if (bus->redundant[0] != '\0') {
+        FSN_TRY(fsn_port_listen(bus->redundant, LISTEN_NS, fault));
     }
-    return status == FSN_OK ? fsn_port_lock(bus->interface, &bus->lock, fault) : status;
+    return fsn_port_lock(bus->interface, &bus->lock, fault);
 }
 
 /** Opens the sockets of the cycle before those of SOEM: the kernel delivers a packet to the first
@@ -194,22 +194,19 @@ fsn_status soem_take_interfaces(struct fsn_soem *bus, struct fsn_fault *fault) {
 static fsn_status open_ports(struct fsn_soem *bus, struct fsn_fault *fault) {
     const char *interface[FSN_WIRE_PORTS] = {bus->interface, bus->redundant};
     const bool stamp = bus->wait_ns == 0;
-    fsn_status status = FSN_OK;
-    for (size_t i = 0; i < FSN_WIRE_PORTS && interface[i][0] != '\0' && status == FSN_OK; i++) {
-        status = fsn_port_open(interface[i], bus->tag, stamp, &bus->sockets[i], fault);
-        status = status != FSN_OK
-                     ? status
-                     : fsn_port_open_foreign(interface[i], bus->tag, &bus->foreign[i], fault);
+    for (size_t i = 0; i < FSN_WIRE_PORTS && interface[i][0] != '\0'; i++) {
+        FSN_TRY(fsn_port_open(interface[i], bus->tag, stamp, &bus->sockets[i], fault));
+        FSN_TRY(fsn_port_open_foreign(interface[i], bus->tag, &bus->foreign[i], fault));
     }
-    return status;
+    return FSN_OK;
 }
 
 static fsn_status make_wire(struct fsn_soem *bus, struct fsn_fault *fault) {
-    fsn_status status = bus->attached ? FSN_OK : soem_start_clocks(bus, fault);
-    if (status != FSN_OK) {
-        return status;
+    if (!bus->attached) {
+        FSN_TRY(soem_start_clocks(bus, fault));
     }
-    status = fsn_frames_create(bus->all.plan, bus->dc_station, bus->dc_host, &bus->frames);
+    const fsn_status status =
+        fsn_frames_create(bus->all.plan, bus->dc_station, bus->dc_host, &bus->frames);
     if (status != FSN_OK) {
         return fsn_refuse_all(fault, status,
                               "the process data does not fit the frames: at most 1466 bytes per "
@@ -254,6 +251,22 @@ static fsn_status make_nodes(struct fsn_soem *bus, const struct fsn_plan *plan,
     return FSN_OK;
 }
 
+/** At a take-over the ring is already in OP: interfaces and states stay as the predecessor left
+ *  them. */
+static fsn_status open_steps(struct fsn_soem *bus, const struct fsn_plan *plan,
+                             struct fsn_fault *fault) {
+    FSN_TRY(make_nodes(bus, plan, fault));
+    if (!bus->attached) {
+        FSN_TRY(soem_take_interfaces(bus, fault));
+    }
+    FSN_TRY(open_ports(bus, fault));
+    FSN_TRY(soem_open_nic(bus, fault));
+    FSN_TRY((bus->attached ? soem_restore : soem_find)(bus, fault));
+    FSN_TRY(make_wire(bus, fault));
+    FSN_TRY(soem_place_groups(bus, fault));
+    return fsn_nodes_check(&bus->all, bus, bus->attached ? compare : configure, fault);
+}
+
 static fsn_status soem_open(void *context, const struct fsn_plan *plan,
                             struct fsn_bus_layout *layout, struct fsn_fault *fault) {
     struct fsn_soem *bus = context;
@@ -263,20 +276,7 @@ static fsn_status soem_open(void *context, const struct fsn_plan *plan,
         bus->clocks.shift_ns = (uint32_t)(bus->cycle_ns / 2);
     }
     bus->attached = bus->attach != NULL;
-    fsn_status status = make_nodes(bus, plan, fault);
-    /* At a take-over the ring is already in OP: interfaces and states stay as the predecessor
-     * left them. */
-    status = status != FSN_OK || bus->attached ? status : soem_take_interfaces(bus, fault);
-    status = status != FSN_OK ? status : open_ports(bus, fault);
-    status = status != FSN_OK ? status : soem_open_nic(bus, fault);
-    status = status != FSN_OK ? status
-             : bus->attached  ? soem_restore(bus, fault)
-                              : soem_find(bus, fault);
-    status = status != FSN_OK ? status : make_wire(bus, fault);
-    status = status != FSN_OK ? status : soem_place_groups(bus, fault);
-    status = status != FSN_OK
-                 ? status
-                 : fsn_nodes_check(&bus->all, bus, bus->attached ? compare : configure, fault);
+    const fsn_status status = open_steps(bus, plan, fault);
     /* Used once: a later restart opens the bus from the beginning. */
     bus->attach = NULL;
     if (status != FSN_OK) {

@@ -6,6 +6,7 @@
 #include "control/base/clock.h"
 #include "control/jobs/history.h"
 #include "control/survey/survey.h"
+#include "plan/try.h"
 
 enum {
     MOST_S = 60, /**< for any job except a scan */
@@ -137,11 +138,8 @@ static fsn_status read_history(struct doing *d, uint32_t *abort_code) {
     struct fsn_job *job = d->job;
     uint8_t most, newest;
     job->index = HISTORY;
-    fsn_status status = read_byte(d, 1, &most, abort_code);
-    status = status != FSN_OK ? status : read_byte(d, 2, &newest, abort_code);
-    if (status != FSN_OK) {
-        return status;
-    }
+    FSN_TRY(read_byte(d, 1, &most, abort_code));
+    FSN_TRY(read_byte(d, 2, &newest, abort_code));
     const unsigned ring = most > 255 - FIRST_MESSAGE + 1 ? 255 - FIRST_MESSAGE + 1 : most;
     const unsigned first = newest >= FIRST_MESSAGE ? newest - FIRST_MESSAGE + 1u : 0;
     fsn_json_put_open(&job->json, "messages", '[');
@@ -149,7 +147,7 @@ static fsn_status read_history(struct doing *d, uint32_t *abort_code) {
         uint8_t message[MESSAGE_ROOM];
         job->sub = (uint8_t)(FIRST_MESSAGE + (first + i) % ring);
         struct fsn_transfer transfer = transfer_of(d, message, sizeof message);
-        status = fsn_core_upload(d->context->core, job->subdevice, &transfer);
+        const fsn_status status = fsn_core_upload(d->context->core, job->subdevice, &transfer);
         if (status == FSN_OK) {
             (void)fsn_history_message(message, transfer.size_bytes, job->sub, &job->json);
         } else if (status != FSN_E_BUS_SDO) { /* an empty place may be refused */

@@ -200,10 +200,7 @@ static fsn_status check_open(const struct fsn_outputs *o, uint32_t symbol, uint3
 fsn_status fsn_outputs_check(const struct fsn_outputs *outputs, uint32_t symbol, uint32_t client,
                              uint64_t raw, uint64_t now_ns, struct fsn_refusal *refusal) {
     const struct output *output = &outputs->output[symbol];
-    const fsn_status status = check_open(outputs, symbol, client, refusal);
-    if (status != FSN_OK) {
-        return status;
-    }
+    FSN_TRY(check_open(outputs, symbol, client, refusal));
     const bool edge = raw != output->value && raw != output->info.stop_value;
     const bool armed = output->armed == client && now_ns < output->armed_until;
     if (output->info.restart_relevant != 0 && edge && !armed) {
@@ -231,10 +228,7 @@ void fsn_outputs_write(struct fsn_outputs *outputs, uint32_t client, struct fsn_
 fsn_status fsn_outputs_arm(struct fsn_outputs *outputs, uint32_t symbol, uint32_t client,
                            uint64_t now_ns, struct fsn_refusal *refusal) {
     struct output *output = &outputs->output[symbol];
-    const fsn_status status = check_open(outputs, symbol, client, refusal);
-    if (status != FSN_OK) {
-        return status;
-    }
+    FSN_TRY(check_open(outputs, symbol, client, refusal));
     if (output->info.restart_relevant == 0) {
         return fsn_refusal_set(refusal, FSN_E_ARG, "set writes it",
                                "%.120s is not restart relevant and needs no arming",

@@ -47,10 +47,7 @@ static fsn_status choose(struct fsn_request *request, struct wanted *wanted) {
             info.restart_relevant != 0) {
             continue;
         }
-        const fsn_status found = check(request, i);
-        if (found != FSN_OK) {
-            return found;
-        }
+        FSN_TRY(check(request, i));
         wanted->symbols[wanted->count] = i;
         wanted->outputs[wanted->count++] = (struct fsn_wanted){.symbol = i, .raw = info.stop_value};
     }
@@ -73,12 +70,9 @@ static fsn_status read_names(struct fsn_request *request, size_t first, struct w
         const struct fsn_outputs *outputs = request->services->view.outputs;
         uint32_t symbol = fsn_outputs_find(outputs, word, true);
         symbol = symbol != FSN_NONE ? symbol : fsn_outputs_find(outputs, word, false);
-        fsn_status found = fsn_request_mark(request, word, wanted->marks);
-        if (found == FSN_OK && symbol != FSN_NONE) {
-            found = check(request, symbol);
-        }
-        if (found != FSN_OK) {
-            return found;
+        FSN_TRY(fsn_request_mark(request, word, wanted->marks));
+        if (symbol != FSN_NONE) {
+            FSN_TRY(check(request, symbol));
         }
     }
     return first < request->count ? choose(request, wanted) : FSN_OK;
@@ -121,11 +115,8 @@ static fsn_status check_client(struct fsn_request *request) {
 }
 
 static fsn_status read_wanted(struct fsn_request *request, struct wanted *wanted) {
-    fsn_status found = check_build(request);
-    found = found != FSN_OK ? found : check_client(request);
-    if (found != FSN_OK) {
-        return found;
-    }
+    FSN_TRY(check_build(request));
+    FSN_TRY(check_client(request));
     if (fsn_value_parse_number(request->argument[2], 32, &wanted->misses) != NULL ||
         wanted->misses > MOST_MISSES) {
         return fsn_request_refuse(request, FSN_E_ARG, "3 lets three cycles in a row pass",

@@ -9,6 +9,7 @@
 #include "control/jobs/guard.h"
 #include "control/requests/request.h"
 #include "control/survey/survey.h"
+#include "plan/try.h"
 
 static fsn_status refuse(struct fsn_request *request, const char *hint, const char *text,
                          const char *word) {
@@ -40,11 +41,11 @@ static fsn_status read_subdevice(struct fsn_request *request, struct fsn_job *jo
 static fsn_status read_object(struct fsn_request *request, struct fsn_job *job) {
     uint64_t index = 0;
     uint64_t sub = 0;
-    fsn_status status = read_number(request, 1, 16, &index);
-    status = status != FSN_OK ? status : read_number(request, 2, 8, &sub);
+    FSN_TRY(read_number(request, 1, 16, &index));
+    FSN_TRY(read_number(request, 2, 8, &sub));
     job->index = (uint16_t)index;
     job->sub = (uint8_t)sub;
-    return status;
+    return FSN_OK;
 }
 
 static fsn_status read_type(struct fsn_request *request, struct fsn_job *job, size_t at) {
@@ -57,16 +58,13 @@ static fsn_status read_type(struct fsn_request *request, struct fsn_job *job, si
 }
 
 static fsn_status read_upload(struct fsn_request *request, struct fsn_job *job) {
-    const fsn_status status = read_object(request, job);
-    return status == FSN_OK && request->count > 3 ? read_type(request, job, 3) : status;
+    FSN_TRY(read_object(request, job));
+    return request->count > 3 ? read_type(request, job, 3) : FSN_OK;
 }
 
 static fsn_status read_write(struct fsn_request *request, struct fsn_job *job) {
-    fsn_status status = read_object(request, job);
-    status = status != FSN_OK ? status : read_type(request, job, 3);
-    if (status != FSN_OK) {
-        return status;
-    }
+    FSN_TRY(read_object(request, job));
+    FSN_TRY(read_type(request, job, 3));
     const char *why = fsn_guard_write(request->services->view.plan, job->subdevice, job->index,
                                       request->services->view.core != NULL);
     if (why != NULL) {
@@ -88,9 +86,9 @@ static fsn_status read_write(struct fsn_request *request, struct fsn_job *job) {
 
 static fsn_status read_alias(struct fsn_request *request, struct fsn_job *job) {
     uint64_t alias = 0;
-    const fsn_status status = read_number(request, 1, 16, &alias);
+    FSN_TRY(read_number(request, 1, 16, &alias));
     job->alias = (uint16_t)alias;
-    return status;
+    return FSN_OK;
 }
 
 static const struct {
@@ -110,14 +108,11 @@ static fsn_status fill(struct fsn_request *request, struct fsn_job *job) {
         i++;
     }
     job->kind = kinds[i].kind;
-    fsn_status status = request->count > 0 ? read_subdevice(request, job) : FSN_OK;
-    if (request->count == 0) {
-        job->subdevice = FSN_NONE;
+    job->subdevice = FSN_NONE;
+    if (request->count > 0) {
+        FSN_TRY(read_subdevice(request, job));
     }
-    if (status == FSN_OK && kinds[i].read != NULL) {
-        status = kinds[i].read(request, job);
-    }
-    return status;
+    return kinds[i].read != NULL ? kinds[i].read(request, job) : FSN_OK;
 }
 
 fsn_status fsn_answer_later(struct fsn_request *request) {

@@ -73,8 +73,8 @@ fsn_status fsn_answer_get(struct fsn_request *request) {
         return fsn_request_refuse(request, FSN_E_BUSY, "ask again", "no stable picture of a cycle");
     }
     fsn_json_put_u64(request->json, "cycle", view->statistics.cycles);
-    const fsn_status status = put_direction(request, false, typed);
-    return status != FSN_OK ? status : put_direction(request, true, typed);
+    FSN_TRY(put_direction(request, false, typed));
+    return put_direction(request, true, typed);
 }
 
 static fsn_status read_wanted(struct fsn_request *request, const char *word, bool typed,
@@ -88,10 +88,7 @@ static fsn_status read_wanted(struct fsn_request *request, const char *word, boo
     }
     memcpy(name, word, (size_t)(equals - word));
     name[equals - word] = 0;
-    const fsn_status found = find_output(request, name, &wanted->symbol);
-    if (found != FSN_OK) {
-        return found;
-    }
+    FSN_TRY(find_output(request, name, &wanted->symbol));
     info = fsn_known_symbol(request->services->view.plan, wanted->symbol);
     const char *wrong =
         (typed ? fsn_value_parse_typed : fsn_value_parse)(&info, equals + 1, &wanted->raw);
@@ -153,11 +150,7 @@ fsn_status fsn_answer_set(struct fsn_request *request) {
                                   "this client is in the cycle, and writes its outputs there");
     }
     for (size_t i = 0; i < request->count; i++) {
-        const fsn_status found =
-            read_wanted(request, request->argument[i], typed, now_ns, &wanted[i]);
-        if (found != FSN_OK) {
-            return found;
-        }
+        FSN_TRY(read_wanted(request, request->argument[i], typed, now_ns, &wanted[i]));
         for (size_t before = 0; before < i; before++) {
             if (wanted[before].symbol == wanted[i].symbol) {
                 return fsn_request_refuse(request, FSN_E_ARG, "one value for each",

@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include "control/server/server.h"
+#include "plan/try.h"
 
 static fsn_status system_refuses(struct fsn_refusal *refusal, const char *what, const char *path) {
     return fsn_refusal_set(refusal, FSN_E_SYS, "--socket PATH names another place", "%s %.108s: %s",
@@ -51,10 +52,7 @@ fsn_status fsn_control_listen(struct fsn_control *control, const char *path,
                                (int)sizeof address.sun_path - 1);
     }
     memcpy(address.sun_path, path, strlen(path) + 1);
-    const fsn_status status = make_way(&address, refusal);
-    if (status != FSN_OK) {
-        return status;
-    }
+    FSN_TRY(make_way(&address, refusal));
     const int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
     if (fd < 0) {
         return system_refuses(refusal, "socket", path);
