@@ -177,9 +177,9 @@ static int read_log(const char *text, struct options *o) {
     return -1;
 }
 
-static int read_integer(const char *option, const char *text, long least, long most,
-                        const char *rule, long *number) {
-    return read_number(text, least, most, number) ? -1 : options_wrong(option, text, rule);
+/** Returns -1 where a condition holds, else the exit code. */
+static int require(bool holds, const char *option, const char *text, const char *rule) {
+    return holds ? -1 : options_wrong(option, text, rule);
 }
 
 enum option_id {
@@ -221,55 +221,50 @@ enum option_id {
 
 static int take_number(int id, const char *text, struct options *o) {
     long number = 0;
-    int code;
+    bool valid;
     switch (id) {
     case PRIORITY:
-        code = read_integer("--priority", text, 1, 99, "1 to 99", &number);
+        valid = read_number(text, 1, 99, &number);
         o->priority = (int)number;
-        return code;
+        return require(valid, "--priority", text, "1 to 99");
     case CPU:
-        code = read_integer("--cpu", text, 0, 1023, "a CPU number from 0 on", &number);
+        if (!read_number(text, 0, 1023, &number)) {
+            return options_wrong("--cpu", text, "a CPU number from 0 on");
+        }
         o->cpu = (int)number + 1;
-        return code == -1 && number >= sysconf(_SC_NPROCESSORS_CONF)
-                   ? options_wrong("--cpu", text, "this machine has no such CPU")
-                   : code;
+        return require(number < sysconf(_SC_NPROCESSORS_CONF), "--cpu", text,
+                       "this machine has no such CPU");
     case INCIDENTS_LIMIT:
-        return read_number(text, 1, 1000000, &o->incidents_mib)
-                   ? -1
-                   : options_wrong("--incidents-limit", text, "1 to 1000000 MiB");
+        return require(read_number(text, 1, 1000000, &o->incidents_mib), "--incidents-limit", text,
+                       "1 to 1000000 MiB");
     default:
-        return read_number(text, 1, 1000, &o->interventions_mib)
-                   ? -1
-                   : options_wrong("--intervention-log-file", text, "1 to 1000 MiB");
+        return require(read_number(text, 1, 1000, &o->interventions_mib), "--intervention-log-file",
+                       text, "1 to 1000 MiB");
     }
 }
 
 /** Options of distributed clocks. */
 static int take_dc(int id, const char *text, struct options *o) {
     long number = 0;
-    int code;
+    bool valid;
     switch (id) {
     case DC_CLOCK:
         o->dc_host = strcmp(text, "host") == 0;
-        return o->dc_host || strcmp(text, "bus") == 0
-                   ? -1
-                   : options_wrong("--dc-clock", text, "bus or host");
+        return require(o->dc_host || strcmp(text, "bus") == 0, "--dc-clock", text, "bus or host");
     case DC_SHIFT:
-        return read_time(text, 0, &o->dc_shift_ns) && o->dc_shift_ns > 0 &&
-                       o->dc_shift_ns <= 1000000000
-                   ? -1
-                   : options_wrong("--dc-shift", text,
-                                   "a time up to a bus cycle with its unit, e.g. 300us");
+        valid = read_time(text, 0, &o->dc_shift_ns) && o->dc_shift_ns > 0 &&
+                o->dc_shift_ns <= 1000000000;
+        return require(valid, "--dc-shift", text,
+                       "a time up to a bus cycle with its unit, e.g. 300us");
     case DC_WINDOW:
-        return read_time(text, 0, &o->dc_window_ns) && o->dc_window_ns >= 100 &&
-                       o->dc_window_ns <= 1000000
-                   ? -1
-                   : options_wrong("--dc-window", text,
-                                   "a time from 100ns to 1ms with its unit, e.g. 1us");
+        valid = read_time(text, 0, &o->dc_window_ns) && o->dc_window_ns >= 100 &&
+                o->dc_window_ns <= 1000000;
+        return require(valid, "--dc-window", text,
+                       "a time from 100ns to 1ms with its unit, e.g. 1us");
     default:
-        code = read_integer("--dc-every", text, 0, 1000000, "0 to 1000000 cycles", &number);
+        valid = read_number(text, 0, 1000000, &number);
         o->dc_every = (uint32_t)number;
-        return code;
+        return require(valid, "--dc-every", text, "0 to 1000000 cycles");
     }
 }
 
@@ -278,25 +273,22 @@ static int take_time(int id, const char *text, struct options *o) {
     if (id >= DC_EVERY && id <= DC_WINDOW) {
         return take_dc(id, text, o);
     }
+    bool valid;
     switch (id) {
     case CYCLE:
-        return read_time(text, 0, &o->cycle_ns) && o->cycle_ns >= 50000 && o->cycle_ns <= 1000000000
-                   ? -1
-                   : options_wrong(
-                         "--cycle", text,
-                         "a time from 50us to 1s with its unit, e.g. 1ms; --free-run is faster");
+        valid =
+            read_time(text, 0, &o->cycle_ns) && o->cycle_ns >= 50000 && o->cycle_ns <= 1000000000;
+        return require(valid, "--cycle", text,
+                       "a time from 50us to 1s with its unit, e.g. 1ms; --free-run is faster");
     case DURATION:
-        return read_time(text, 1000000000, &o->run_ns) && o->run_ns > 0
-                   ? -1
-                   : options_wrong("--duration", text, "a time above 0, e.g. 10s");
+        valid = read_time(text, 1000000000, &o->run_ns) && o->run_ns > 0;
+        return require(valid, "--duration", text, "a time above 0, e.g. 10s");
     case RECORD:
-        return read_time(text, 1000000000, &o->record_ns)
-                   ? -1
-                   : options_wrong("--record", text, "a time, e.g. 10s; 0 keeps nothing");
+        return require(read_time(text, 1000000000, &o->record_ns), "--record", text,
+                       "a time, e.g. 10s; 0 keeps nothing");
     default:
-        return read_time(text, 1000000000, &o->wait_ns)
-                   ? -1
-                   : options_wrong("--wait", text, "a time, e.g. 30s");
+        return require(read_time(text, 1000000000, &o->wait_ns), "--wait", text,
+                       "a time, e.g. 30s");
     }
 }
 
@@ -332,7 +324,7 @@ static int take(int id, const char *text, struct options *o) {
     switch (id) {
     case BUS:
         o->bus = text;
-        return backend_is_known(text) ? -1 : options_wrong("--bus", text, "soem, igh or emulated");
+        return require(backend_is_known(text), "--bus", text, "soem, igh or emulated");
     case INTERFACE:
         return take_interface(text, o);
     case POLICY:
@@ -368,9 +360,8 @@ static int check_bus(const struct options *o) {
         return options_wrong("--redundant", o->redundant,
                              "this bus takes no second interface here");
     }
-    return strcmp(o->redundant, o->interface) != 0
-               ? -1
-               : options_wrong("--redundant", o->redundant, "the same interface twice");
+    return require(strcmp(o->redundant, o->interface) != 0, "--redundant", o->redundant,
+                   "the same interface twice");
 }
 
 static int check_schedule(const struct options *o) {
@@ -392,15 +383,13 @@ static int check_signed(const struct options *o) {
     if ((o->acceptance == NULL) != (o->signers == NULL)) {
         return options_wrong("--acceptance", o->acceptance, "belongs together with --signers FILE");
     }
-    return o->revoked == NULL || o->signers != NULL
-               ? -1
-               : options_wrong("--revoked", o->revoked, "goes with --signers FILE");
+    return require(o->revoked == NULL || o->signers != NULL, "--revoked", o->revoked,
+                   "goes with --signers FILE");
 }
 
 static int check_interventions(const struct options *o) {
-    return o->interventions != NULL || o->interventions_mib == INTERVENTIONS_MIB
-               ? -1
-               : options_wrong("--intervention-log-file", NULL, "goes with --intervention-log DIR");
+    return require(o->interventions != NULL || o->interventions_mib == INTERVENTIONS_MIB,
+                   "--intervention-log-file", NULL, "goes with --intervention-log DIR");
 }
 
 /** A scan reads a single bus, with any SubDevices. */
@@ -430,17 +419,13 @@ static int check_together(const struct options *o) {
         return options_wrong("--standby", NULL,
                              "either at once, with --take-over, or when the other stops");
     }
-    int code = check_scan(o);
-    if (code == -1) {
-        code = check_bus(o);
+    static int (*const checks[])(const struct options *) = {check_scan, check_bus, check_signed,
+                                                            check_interventions, check_schedule};
+    int code = -1;
+    for (size_t i = 0; i < sizeof checks / sizeof checks[0] && code == -1; i++) {
+        code = checks[i](o);
     }
-    if (code == -1) {
-        code = check_signed(o);
-    }
-    if (code == -1) {
-        code = check_interventions(o);
-    }
-    return code != -1 ? code : check_schedule(o);
+    return code;
 }
 
 int options_read(int argc, char **argv, struct options *o) {
