@@ -126,10 +126,11 @@ int buses_check_groups(const struct options *o, const struct fsn_plan *plan) {
     if (fsn_plan_group_count(plan) == 0 || (o->redundant == NULL && !o->take_over && !o->standby)) {
         return -1;
     }
-    return options_wrong(o->redundant != NULL ? "--redundant"
-                         : o->standby         ? "--standby"
-                                              : "--take-over",
-                         NULL, "the plan has groups that may be absent");
+    const char *option = o->standby ? "--standby" : "--take-over";
+    if (o->redundant != NULL) {
+        option = "--redundant";
+    }
+    return options_wrong(option, NULL, "the plan has groups that may be absent");
 }
 
 int buses_choose(struct options *options, const struct fsn_plan *plan,
@@ -151,7 +152,9 @@ int buses_choose(struct options *options, const struct fsn_plan *plan,
     for (size_t n = 0; n < options->interface_count && code == -1; n++) {
         code = assign(options->interfaces[n]);
     }
-    code = code == -1 ? check_interfaces() : code;
+    if (code == -1) {
+        code = check_interfaces();
+    }
     options->interface = all.interface[0];
     options->bus_interfaces = all.interface;
     all.backend = **backend;

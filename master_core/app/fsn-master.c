@@ -126,20 +126,31 @@ static int check_plan(const struct fsn_plan *plan, struct options *o) {
         log_line(FSN_LOG_ERROR, "the plan states no cycle time; --cycle 1ms does");
         return EXIT_USAGE;
     }
-    log_line(stated_ns == 0 || stated_ns == o->cycle_ns ? FSN_LOG_INFO : FSN_LOG_WARNING,
-             "engine %s, cycle %.3f ms%s", fsn_version(), (double)o->cycle_ns / 1e6,
-             stated_ns == 0             ? " (the plan states none)"
-             : stated_ns == o->cycle_ns ? " as in the plan"
-                                        : ", which is not that of the plan and its fingerprint");
+    enum fsn_log_level level = FSN_LOG_INFO;
+    const char *origin = " as in the plan";
+    if (stated_ns == 0) {
+        origin = " (the plan states none)";
+    } else if (stated_ns != o->cycle_ns) {
+        level = FSN_LOG_WARNING;
+        origin = ", which is not that of the plan and its fingerprint";
+    }
+    log_line(level, "engine %s, cycle %.3f ms%s", fsn_version(), (double)o->cycle_ns / 1e6, origin);
     return -1;
 }
 
+static const char *runtime_directory(void) {
+    static const char *const variables[] = {"RUNTIME_DIRECTORY", "XDG_RUNTIME_DIR"};
+    for (size_t i = 0; i < sizeof variables / sizeof variables[0]; i++) {
+        const char *directory = getenv(variables[i]);
+        if (directory != NULL && *directory != 0) {
+            return directory;
+        }
+    }
+    return "/run";
+}
+
 static void socket_path(const struct options *o, char *room, size_t room_bytes) {
-    const char *run = getenv("RUNTIME_DIRECTORY");
-    const char *user = getenv("XDG_RUNTIME_DIR");
-    const char *directory = run != NULL && *run != 0     ? run
-                            : user != NULL && *user != 0 ? user
-                                                         : "/run";
+    const char *directory = runtime_directory();
     const char *name = o->interface != NULL ? o->interface : o->bus;
     if (o->socket != NULL) {
         snprintf(room, room_bytes, "%s", o->socket);

@@ -75,13 +75,18 @@ static void set_state(struct master *m, enum state state, enum fsn_log_level lev
     fsn_control_state_changed(m->control, level, text);
 }
 
+static const char *reported_state(const struct master *m) {
+    if (m->state == RUNNING && !m->ready) {
+        return "starting";
+    }
+    return m->follows ? "standby" : state_name[m->state];
+}
+
 static void host_status(void *self, struct fsn_control_status *status) {
     const struct master *m = self;
     const struct options *o = m->options;
     *status = (struct fsn_control_status){
-        .state = m->state == RUNNING && !m->ready ? "starting"
-                 : m->follows                     ? "standby"
-                                                  : state_name[m->state],
+        .state = reported_state(m),
         .standby_pid =
             m->handover_listener.state == HANDOVER_LISTENER_FOLLOWED ? m->handover_listener.pid : 0,
         .standby_held = m->handover_listener.held,
@@ -216,9 +221,12 @@ static void failed(struct master *m, const struct runner_result *result) {
     }
     if (!m->opened_once && !given_up) {
         /* At the start no client is connected that could repair it and retry. */
-        m->code = m->options->standby && result->status == FSN_E_BUS_BUSY ? EXIT_FINE
-                  : result->environment || lacks_permission(result)       ? EXIT_ENVIRONMENT
-                                                                          : EXIT_REFUSED;
+        m->code = EXIT_REFUSED;
+        if (m->options->standby && result->status == FSN_E_BUS_BUSY) {
+            m->code = EXIT_FINE;
+        } else if (result->environment || lacks_permission(result)) {
+            m->code = EXIT_ENVIRONMENT;
+        }
         begin_end(m, "ends: the bus does not open");
     }
 }

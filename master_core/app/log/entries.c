@@ -97,10 +97,13 @@ void entry_plan(const struct fsn_plan *plan, const struct options *o) {
     fsn_json_put_u64(&json, "plan_cycle_ns", fsn_plan_cycle_ns(plan));
     fsn_json_put_text_or_null(&json, "accepted", o->accepted);
     fsn_json_put_text_or_null(&json, "acceptance", o->acceptance);
-    snprintf(text, sizeof text, "plan %.200s, fingerprint %s, %s", o->plan_file, code,
-             o->acceptance != NULL ? "to be accepted by a signed record"
-             : o->accepted != NULL ? "to be accepted by its hash"
-                                   : "no acceptance required");
+    const char *acceptance = "no acceptance required";
+    if (o->acceptance != NULL) {
+        acceptance = "to be accepted by a signed record";
+    } else if (o->accepted != NULL) {
+        acceptance = "to be accepted by its hash";
+    }
+    snprintf(text, sizeof text, "plan %.200s, fingerprint %s, %s", o->plan_file, code, acceptance);
     end(&json, "info", text);
 }
 

@@ -227,9 +227,10 @@ fsn_status predecessor_follow(struct predecessor *predecessor, uint64_t cycle_ns
         /* A late wake-up means that this machine was stalled, and counts as one step. */
         const uint64_t waited_ns = fsn_now_ns() - slept_ns;
         const uint32_t now = fsn_room_pictures(predecessor->room);
-        still_ns = now != pictures || held
-                       ? 0
-                       : still_ns + (waited_ns < 2 * step_ns ? waited_ns : step_ns);
+        still_ns += waited_ns < 2 * step_ns ? waited_ns : step_ns;
+        if (now != pictures || held) {
+            still_ns = 0;
+        }
         pictures = now;
         if (ended || still_ns >= threshold_ns) {
             log_line(FSN_LOG_ERROR,

@@ -429,7 +429,8 @@ static void sleep_for_next(const struct fsn_realtime *realtime, uint64_t now_ns,
                            uint64_t until_ns) {
     enum { STEPS = 64, LEAST_NS = 2000, MOST_NS = 100000 };
     uint64_t step_ns = realtime->inputs->cycle_ns / STEPS;
-    step_ns = step_ns < LEAST_NS ? LEAST_NS : step_ns > MOST_NS ? MOST_NS : step_ns;
+    step_ns = step_ns > LEAST_NS ? step_ns : LEAST_NS;
+    step_ns = step_ns < MOST_NS ? step_ns : MOST_NS;
     uint64_t at_ns = realtime->cycle.next_ns + realtime->cycle.shown_ns;
     at_ns = at_ns > now_ns ? at_ns : now_ns + step_ns;
     at_ns = at_ns < until_ns ? at_ns : until_ns;

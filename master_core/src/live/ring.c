@@ -44,9 +44,8 @@ bool fsn_ring_judge(struct fsn_ring_watch *watch, const struct fsn_ring_counts *
     watch->bad = closed ? 0 : watch->bad + 1;
     if (closed || watch->bad >= patience) {
         memcpy(watch->ring.ways, ways, sizeof ways);
-        adopt(&watch->ring, closed                     ? FSN_RING_CLOSED
-                            : (ways[0] | ways[1]) != 0 ? FSN_RING_ONE_WAY
-                                                       : FSN_RING_OPEN);
+        static const enum fsn_ring state[] = {FSN_RING_OPEN, FSN_RING_ONE_WAY, FSN_RING_CLOSED};
+        adopt(&watch->ring, state[ways[0] + ways[1]]);
     }
     return true;
 }

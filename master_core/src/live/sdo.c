@@ -159,9 +159,12 @@ fsn_status fsn_sdo_upload(const struct fsn_mailbox *mailbox, struct fsn_transfer
         return FSN_E_BUS_STATE;
     }
     const bool expedited = (command & 2) != 0;
-    const uint32_t size = !expedited           ? fsn_get32(x.sdo + 4)
-                          : (command & 1) != 0 ? 4u - (command >> 2 & 3)
-                                               : 4u;
+    uint32_t size = 4;
+    if (!expedited) {
+        size = fsn_get32(x.sdo + 4);
+    } else if ((command & 1) != 0) {
+        size -= command >> 2 & 3;
+    }
     const uint8_t *data = x.sdo + (expedited ? 4 : SDO_BYTES);
     const uint32_t held = expedited ? size : x.sdo_bytes - SDO_BYTES;
     const uint32_t now = held < size ? held : size;

@@ -103,6 +103,7 @@ const char *fsn_al_code_text(uint16_t code) {
         uint16_t code;
         const char *text;
     } codes[] = {
+        {0x0000, "no error is named"},
         {0x0001, "unspecified error"},
         {0x0002, "no memory"},
         {0x0011, "invalid state change"},
@@ -152,9 +153,7 @@ const char *fsn_al_code_text(uint16_t code) {
             return codes[i].text;
         }
     }
-    return code == 0        ? "no error is named"
-           : code >= 0x8000 ? "a vendor-specific error, see its manual"
-                            : "not a code of ETG.1000.6";
+    return code >= 0x8000 ? "a vendor-specific error, see its manual" : "not a code of ETG.1000.6";
 }
 
 const char *fsn_section_name(uint32_t section) {

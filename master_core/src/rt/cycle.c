@@ -133,7 +133,8 @@ static int64_t dc_distance(const struct fsn_rt *rt, uint64_t dc_time_ns) {
 }
 
 static int64_t bounded(int64_t value, int64_t most) {
-    return value > most ? most : value < -most ? -most : value;
+    const int64_t raised = value > -most ? value : -most;
+    return raised < most ? raised : most;
 }
 
 /** Adjusts the wake-ups to the reference clock, in phase and rate: a sixteenth of the distance per

@@ -113,14 +113,14 @@ static void follow(struct fsn_scan *scan, uint32_t connection, enum fsn_way way,
         .time_ns = shown->time_ns,
         .packet = shown->packet,
         .connection = connection,
-        .sequence = !numbered   ? 0
-                    : next == 1 ? 0xFFFF
-                                : (uint16_t)(next - 1),
         .size_bytes = (uint16_t)size_bytes,
         .way = (uint8_t)way,
         .verdict = (uint8_t)verdict,
         .observed = (uint8_t)monitor->status.observed,
     };
+    if (numbered) {
+        sighting.sequence = next == 1 ? 0xFFFF : (uint16_t)(next - 1);
+    }
     memcpy(sighting.frame, shown->bytes, size_bytes);
     push(scan, &sighting);
 }
@@ -153,11 +153,14 @@ static bool sub_came_first(struct found *f, const struct shown *const frames[2])
     const bool wrong = show(&main_first, false, frames);
     const bool other_wrong = show(&sub_first, true, frames);
     const bool locked = is_locked(&main_first);
-    const bool better =
-        locked != is_locked(&sub_first) ? !locked
-        : wrong != other_wrong
-            ? wrong
-            : fsn_monitor_sub_first(&f->monitor, frames[0]->bytes, frames[1]->bytes);
+    bool better;
+    if (locked != is_locked(&sub_first)) {
+        better = !locked;
+    } else if (wrong != other_wrong) {
+        better = wrong;
+    } else {
+        better = fsn_monitor_sub_first(&f->monitor, frames[0]->bytes, frames[1]->bytes);
+    }
     if (better) {
         f->monitor = f->other;
     }

@@ -17,7 +17,8 @@ enum {
 static const uint64_t served_most_ns = BILLION;
 
 static int64_t bounded(int64_t value, int64_t most) {
-    return value > most ? most : value < -most ? -most : value;
+    const int64_t raised = value > -most ? value : -most;
+    return raised < most ? raised : most;
 }
 
 /** Drift for a rate and a time; both may be large. */
@@ -56,9 +57,10 @@ void esc_clock_show(struct esc *esc, uint16_t address, uint64_t time_ns) {
 void esc_clock_limit(struct esc *esc) {
     static const uint16_t times[] = {REG_DC_TIME, REG_DC_EPU_TIME, REG_DC_OFFSET, REG_SYNC0_START};
     const struct esc_clock *c = &esc->clock;
-    esc->memory[FEATURES] = c->absent   ? 0
-                            : c->narrow ? FEATURE_CLOCK
-                                        : FEATURE_CLOCK | FEATURE_WIDE;
+    esc->memory[FEATURES] = 0;
+    if (!c->absent) {
+        esc->memory[FEATURES] = c->narrow ? FEATURE_CLOCK : FEATURE_CLOCK | FEATURE_WIDE;
+    }
     for (size_t i = 0; i < sizeof times / sizeof times[0]; i++) {
         esc_clock_show(esc, times[i], fsn_get64(esc->memory + times[i]));
     }
@@ -100,7 +102,10 @@ void esc_clock_compare(struct esc *esc, const uint8_t *time, uint16_t size_bytes
     const int64_t before_ns = correction(esc);
     const int64_t apart = (int32_t)((uint32_t)corrected_time(esc, before_ns) - theirs);
     const uint64_t passed_ns = since(esc, c->compared_ns);
-    const int64_t loop_ns = c->deaf ? 0 : passed_ns < LOOP_NS ? (int64_t)passed_ns : LOOP_NS;
+    int64_t loop_ns = 0;
+    if (!c->deaf) {
+        loop_ns = passed_ns < LOOP_NS ? (int64_t)passed_ns : LOOP_NS;
+    }
     c->compared_ns = esc->now_ns;
     esc_clock_served(esc);
     const int64_t step = bounded(apart / 8, loop_ns / 10);
@@ -136,9 +141,10 @@ uint64_t esc_clock_until_pulse(const struct esc *esc) {
     const uint64_t now = esc_system_time(esc);
     const uint64_t first = esc->clock.pulse_ns;
     const uint32_t cycle = fsn_get32(esc->memory + REG_SYNC0_CYCLE);
-    return !has_sync(esc) || first == UINT64_MAX ? UINT64_MAX
-           : now < first                         ? first - now
-                                                 : cycle - (now - first) % cycle;
+    if (!has_sync(esc) || first == UINT64_MAX) {
+        return UINT64_MAX;
+    }
+    return now < first ? first - now : cycle - (now - first) % cycle;
 }
 
 uint16_t esc_clock_fault(const struct esc *esc) {

@@ -64,10 +64,10 @@ static void put_strings(struct writer *w, const char *name) {
 
 static void put_general(struct writer *w, bool has_mailbox) {
     const size_t start = begin_category(w, 30);
-    for (unsigned i = 0; i < 32; i++) {
-        const bool name = i == 0 || i == 2 || i == 3; /* group, order and name: the only string */
-        const uint8_t coe = has_mailbox ? 0x21 : 0;   /* SDO, complete access */
-        put8(w, name ? 1 : i == 5 ? coe : 0);
+    /* Group, order and name: the only string; CoE: SDO, complete access. */
+    const uint8_t general[32] = {[0] = 1, [2] = 1, [3] = 1, [5] = has_mailbox ? 0x21 : 0};
+    for (size_t i = 0; i < sizeof general; i++) {
+        put8(w, general[i]);
     }
     end_category(w, start);
 }

@@ -28,7 +28,8 @@ static uint32_t place_subdevices(struct fsn_segment *s) {
                 continue;
             }
             s->positions[i] = FSN_NONE;
-            uint32_t at = turn == 0 ? info.position : turn == 1 ? 0 : count;
+            const uint32_t first[] = {info.position, 0, count};
+            uint32_t at = first[turn];
             while (at < MAX_POSITIONS && taken[at] != 0) {
                 at++;
             }

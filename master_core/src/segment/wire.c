@@ -98,5 +98,8 @@ uint64_t fsn_segment_wait(struct fsn_segment *s, uint64_t now_ns) {
     begin_stall(s->wire, now_ns);
     const uint64_t at_ns = s->wire->again ? now_ns : due(s->wire);
     pthread_mutex_unlock(&s->lock);
-    return at_ns == UINT64_MAX ? UINT64_MAX : at_ns > now_ns ? at_ns - now_ns : 0;
+    if (at_ns == UINT64_MAX) {
+        return UINT64_MAX;
+    }
+    return at_ns > now_ns ? at_ns - now_ns : 0;
 }

@@ -59,7 +59,8 @@ fsn_status igh_check(struct fsn_igh *bus, struct igh_node *node) {
 /* -- configuration -------------------------------------------------------------------------- */
 
 static ec_watchdog_mode_t watchdog_of(uint8_t value) {
-    return value == 1 ? EC_WD_ENABLE : value == 2 ? EC_WD_DISABLE : EC_WD_DEFAULT;
+    static const ec_watchdog_mode_t modes[] = {EC_WD_DEFAULT, EC_WD_ENABLE, EC_WD_DISABLE};
+    return value < sizeof modes / sizeof modes[0] ? modes[value] : EC_WD_DEFAULT;
 }
 
 static bool configure_pdo(const struct fsn_plan *plan, ec_slave_config_t *config, uint8_t sm,

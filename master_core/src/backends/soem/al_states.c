@@ -236,12 +236,22 @@ static void request_state(struct fsn_soem *bus, struct node *node, uint8_t state
     node->known.requested_ns = now_ns;
 }
 
+static const char *name_of(uint8_t state) {
+    switch (state) {
+    case FSN_AL_OP:
+        return "OP";
+    case FSN_AL_SAFEOP:
+        return "SAFEOP";
+    case FSN_AL_PREOP:
+        return "PREOP";
+    default:
+        return "INIT";
+    }
+}
+
 static void give_up(struct fsn_soem *bus, struct node *node, uint64_t now_ns) {
     const struct place *place = &bus->places[node->slave];
-    const char *state = node->requested == FSN_AL_OP       ? "OP"
-                        : node->requested == FSN_AL_SAFEOP ? "SAFEOP"
-                        : node->requested == FSN_AL_PREOP  ? "PREOP"
-                                                           : "INIT";
+    const char *state = name_of(node->requested);
     if ((place->al_status & EC_STATE_ERROR) != 0) {
         soem_note(bus, node, FSN_FOUND_STATE, "%s refused: AL status 0x%02x, code 0x%04x: %s",
                   state, place->al_status, place->al_code, fsn_al_code_text(place->al_code));

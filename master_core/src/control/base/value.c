@@ -17,8 +17,8 @@ static bool whole(const char *text, bool *negative, uint64_t *magnitude) {
     text += *text == '-' || *text == '+';
     /* 0x, 0o and 0b as in Python; a single leading 0 is decimal. */
     if (text[0] == '0' && text[1] != 0 && strchr("xXoObB", text[1]) != NULL) {
-        const int mark = tolower((unsigned char)text[1]);
-        base = mark == 'x' ? 16 : mark == 'o' ? 8 : 2;
+        static const int base_of[] = {['b'] = 2, ['o'] = 8, ['x'] = 16};
+        base = base_of[tolower((unsigned char)text[1])];
         text += 2;
     }
     if (!isalnum((unsigned char)*text)) { /* strtoull would accept blanks and a second sign */
@@ -42,8 +42,11 @@ static const char *parse_whole(const struct fsn_symbol_info *symbol, const char 
     }
     const bool is_signed = symbol->kind == FSN_KIND_SIGNED;
     const uint64_t mask = symbol->bits == 64 ? UINT64_MAX : (UINT64_C(1) << symbol->bits) - 1;
-    const uint64_t most = is_signed ? mask >> 1 : mask;
-    if (negative ? magnitude > (is_signed ? most + 1 : 0) : magnitude > most) {
+    uint64_t most = is_signed ? mask >> 1 : mask;
+    if (negative) {
+        most = is_signed ? most + 1 : 0;
+    }
+    if (magnitude > most) {
         return "outside the range of its type";
     }
     *raw = (negative ? 0 - magnitude : magnitude) & mask;
@@ -185,5 +188,8 @@ void fsn_value_write(const struct fsn_symbol_info *symbol, uint64_t raw, struct 
 
 const char *fsn_value_type(const struct fsn_symbol_info *symbol) {
     static const char *const name[] = {"bits", "bool", "signed", "unsigned", "bits"};
-    return is_real(symbol) ? "real" : name[symbol->kind <= FSN_KIND_REAL ? symbol->kind : 0];
+    if (is_real(symbol)) {
+        return "real";
+    }
+    return name[symbol->kind <= FSN_KIND_REAL ? symbol->kind : 0];
 }

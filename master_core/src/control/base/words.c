@@ -13,8 +13,8 @@ static size_t decode(const uint8_t *at, size_t left, uint32_t *character) {
         return 1;
     }
     /* 0xC0 and 0xC1 would be longer forms of ASCII; the check of the minimum value rejects them. */
-    const size_t len = first >= 0xF0 ? 4 : first >= 0xE0 ? 3 : first >= 0xC0 ? 2 : 0;
-    if (len == 0 || first > 0xF4 || len > left) {
+    const size_t len = 2u + (first >= 0xE0) + (first >= 0xF0);
+    if (first < 0xC0 || first > 0xF4 || len > left) {
         return 0;
     }
     uint32_t point = first & (0x7Fu >> len);

@@ -63,13 +63,14 @@ static void connection_event(struct fsn_changes *changes, struct fsn_incidents *
     const struct fsn_connection_info info =
         fsn_known_connection(changes->view->plan, event->connection);
     const bool reset = event->after == FSN_OBSERVED_RESET && event->by != 0;
-    const char *by = !reset ? NULL : event->by == FSN_TO_SUB + 1 ? "main" : "sub";
+    const char *by = NULL;
     char cause[120] = "";
     struct fsn_json *json = fsn_event_begin(changes->events, "connection", event->now_ns);
     fsn_json_put_text(json, "connection", info.name);
     fsn_json_put_text(json, "before", fsn_observed_text(event->before));
     fsn_json_put_text(json, "after", fsn_observed_text(event->after));
     if (reset) {
+        by = event->by == FSN_TO_SUB + 1 ? "main" : "sub";
         fsn_json_put_text(json, "reset_by", by);
         fsn_json_put_u64(json, "reset_code", event->reset_code);
         fsn_json_put_text(json, "reset_text", fsn_reset_text(event->reset_code));

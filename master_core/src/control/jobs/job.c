@@ -31,6 +31,18 @@ static bool goes_on(void *self) {
            (d->context->between == NULL || d->context->between(d->context->self));
 }
 
+static const char *absent_text(enum fsn_job_kind kind) {
+    switch (kind) {
+    case FSN_JOB_SII:
+    case FSN_JOB_ALIAS:
+        return "this backend cannot read its SII; use the tools of its stack";
+    case FSN_JOB_SCAN:
+        return "this bus cannot be scanned";
+    default:
+        return "it has no objects (no CoE)";
+    }
+}
+
 static fsn_status fault_text(struct fsn_job *job, const struct fsn_plan *plan, fsn_status status,
                              uint32_t abort_code) {
     struct fsn_subdevice_info info;
@@ -54,11 +66,7 @@ static fsn_status fault_text(struct fsn_job *job, const struct fsn_plan *plan, f
     /* No CoE or no access to the SII: a property of device or bus, so that a retry would not
      * help. */
     case FSN_E_ABSENT:
-        return fsn_refusal_set(r, status, NULL, "%.80s: %s", name,
-                               job->kind == FSN_JOB_SII || job->kind == FSN_JOB_ALIAS
-                                   ? "this backend cannot read its SII; use the tools of its stack"
-                               : job->kind == FSN_JOB_SCAN ? "this bus cannot be scanned"
-                                                           : "it has no objects (no CoE)");
+        return fsn_refusal_set(r, status, NULL, "%.80s: %s", name, absent_text(job->kind));
     case FSN_E_BUS_STATE:
         return fsn_refusal_set(r, status, "subdevices shows its AL state",
                                "%.80s: its answer is invalid, or its mailbox is closed", name);

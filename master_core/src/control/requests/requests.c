@@ -343,10 +343,13 @@ static fsn_status answer(struct fsn_request *request) {
     if (may && !fits) {
         return fsn_request_refuse(request, FSN_E_ARG, entry->usage, "wrong number of words");
     }
+    fsn_status found;
     request->later = may && entry->answer == NULL;
-    const fsn_status found = !may             ? role_is_too_low(request, entry->role)
-                             : request->later ? fsn_answer_later(request)
-                                              : entry->answer(request);
+    if (!may) {
+        found = role_is_too_low(request, entry->role);
+    } else {
+        found = request->later ? fsn_answer_later(request) : entry->answer(request);
+    }
     if (found == FSN_OK && entry->event == CHANGES) {
         report_granted(request);
         /* Refused changes are also recorded, because a client has attempted them. */

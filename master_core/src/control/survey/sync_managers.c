@@ -34,9 +34,11 @@ static uint8_t kind_of(const uint8_t *sm) {
     if (sm[7] >= MAILBOX_OUT && sm[7] <= INPUTS) {
         return sm[7];
     }
-    const bool mailbox = (sm[4] & 3) == 2;
     const bool output = (sm[4] >> 2 & 3) == 1;
-    return mailbox ? (output ? MAILBOX_OUT : MAILBOX_IN) : (output ? OUTPUTS : INPUTS);
+    if ((sm[4] & 3) == 2) {
+        return output ? MAILBOX_OUT : MAILBOX_IN;
+    }
+    return output ? OUTPUTS : INPUTS;
 }
 
 static uint32_t sms_of_sii(const struct fsn_sii *sii, struct sm sms[FSN_SURVEY_SMS]) {
@@ -199,12 +201,15 @@ static void put_process_data(struct fsn_surveyed *of, struct fsn_json *json, con
     uint32_t count;
     uint32_t bits;
     const bool objects = read_assignment(of, sm, assigned, &count);
-    const bool bus = !objects && of->sii.bytes == NULL && of->survey->ops->acyclic->pdo != NULL;
     fsn_json_put_text(json, "source", objects ? "coe" : "sii");
     fsn_json_put_open(json, "pdos", '[');
-    bits = objects ? put_object_pdos(of, json, sm, assigned, count)
-           : bus   ? put_bus_pdos(of, json, sm)
-                   : put_sii_pdos(of, json, sm);
+    if (objects) {
+        bits = put_object_pdos(of, json, sm, assigned, count);
+    } else if (of->sii.bytes == NULL && of->survey->ops->acyclic->pdo != NULL) {
+        bits = put_bus_pdos(of, json, sm);
+    } else {
+        bits = put_sii_pdos(of, json, sm);
+    }
     fsn_json_close(json, ']');
     if (sm->placed) {
         fsn_json_put_u64(json, "start", sm->start);
