@@ -211,11 +211,10 @@ def _make_crossed(
 def _make_slip(rng: random.Random, scene: Scene, foreign: ForeignFrames, number: int) -> Injection:
     way, start, until = span(scene, between(rng, 1, 4))
     shift = between(rng, 1, len(scene.frame)) * rng.choice((-1, 1))
-    filler = (
-        rng.choice(foreign.frames(way, number, same_id=False))
-        if below(rng, 2)
-        else rng.choice((b"\0", b"\xff", scene.frame))
-    )
+    if below(rng, 2):
+        filler = rng.choice(foreign.frames(way, number, same_id=False))
+    else:
+        filler = rng.choice((b"\0", b"\xff", scene.frame))
     slip = Slip(way=way, start=start, until=until, shift=shift, filler=filler)
     return Injection(faults=(slip,))
 

@@ -46,11 +46,10 @@ def ask(question: Question, answers: Answers, made: Draft) -> Answers:
         # An empty answer leaves a question open. Without a ring, however, nothing can be proposed.
         if not text and question.ask is not Ask.SUBDEVICES:
             return replace(answers, passed=answers.passed | {question.key})
-        found = (
-            _with_ring(text, answers)
-            if question.ask is Ask.SUBDEVICES
-            else _with(question, text, answers, made)
-        )
+        if question.ask is Ask.SUBDEVICES:
+            found = _with_ring(text, answers)
+        else:
+            found = _with(question, text, answers, made)
         if found is not None:
             return found
         echo("That is not one of the answers.", err=True)

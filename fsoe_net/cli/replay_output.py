@@ -45,11 +45,9 @@ def print_outcome(outcome: ReplayOutcome) -> None:
     for line in rest:
         echo(line)
     if result.differing > 1:
-        more = (
-            "1 more value differs"
-            if result.differing == 2
-            else (f"{result.differing - 1} more values differ")
-        )
+        more = f"{result.differing - 1} more values differ"
+        if result.differing == 2:
+            more = "1 more value differs"
         echo(f"  {more}; {counted(result.compared, 'call')} compared")
 
 

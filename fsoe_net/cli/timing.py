@@ -42,7 +42,9 @@ class _Share(click.ParamType[float]):
         self, value: object, param: click.Parameter | None, ctx: click.Context | None
     ) -> float:
         match = re.fullmatch(r"([0-9]+(?:\.[0-9]+)?)\s*(%?)", str(value))
-        share = float(match[1]) / (100 if match[2] else 1) if match else -1.0
+        share = float(match[1]) if match else -1.0
+        if match and match[2]:
+            share /= 100
         if not 0 <= share <= 0.1:
             self.fail(f"{value!r} is not a share up to 10%; write 1% or 0.01", param, ctx)
         return share

@@ -411,7 +411,7 @@ def side_of_description(description: Description) -> Side:
                 source=end(c.source),
                 destination=end(c.destination),
                 bits=c.bits,
-                kind=None if c.fsoe is None else ("fsoe" if c.fsoe else "standard"),
+                kind={None: None, True: "fsoe", False: "standard"}[c.fsoe],
             )
             for c in description.copies
         )

@@ -80,7 +80,11 @@ def _duplicate(e: IncidentEvidence, one: str, two: str, number: int) -> Candidat
     crossed = about and not e.crossed.keys().isdisjoint({one, two})
     bad = (reported or e.never) and about
     # In a running connection, a duplicate is a risk and not the cause of this incident.
-    score = 95 if bad else 88 if not (e.left_data or e.never) else 40
+    score = 40
+    if bad:
+        score = 95
+    elif not e.left_data and not e.never:
+        score = 88
     on_wire = _wire_ids(e, one) & _wire_ids(e, two)
     return candidate(
         e,
@@ -328,10 +332,11 @@ def _roles(e: IncidentEvidence, link: LinkFacts) -> Iterator[Candidate]:
     main, sub = link.begun
     # A single session may start by accident after a disturbance; a quarter of all cannot.
     if sub > main or (sub >= 2 and sub >= main // 4):
+        score = 45 if e.left_data else 90
         yield candidate(
             e,
             "roles_exchanged",
-            95 if e.never else 90 if not e.left_data else 45,
+            95 if e.never else score,
             f"the SubInstance has begun {sub} sessions, the MainInstance {main}: only a "
             "MainInstance begins one",
         )

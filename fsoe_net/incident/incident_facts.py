@@ -178,7 +178,9 @@ def _who(e: IncidentEvidence) -> str:
 
 def _end(e: IncidentEvidence, by: str) -> str:
     word = "MainInstance" if by == "main" else "SubInstance"
-    device = (e.plan.main if by == "main" else e.plan.sub) if e.plan else ""
+    if e.plan is None:
+        return word
+    device = e.plan.main if by == "main" else e.plan.sub
     return f"{word} in {device}" if device else word
 
 

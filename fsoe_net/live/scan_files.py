@@ -215,7 +215,9 @@ def _channel(pdo: ScannedPdo, entry: ScannedEntry) -> list[str]:
         return [f"      - {{index: 0x0000, sub_index: 0, type: bit{n}}}" for n in parts if n]
     if not 0 < bits <= _MOST_BITS:
         raise _NotExpressible(f"{entry.address} in PDO 0x{pdo.index:04x} has {bits} bits")
-    kind = "bool" if bits == 1 else f"uint{bits}" if bits in _SIZES else f"bit{bits}"
+    kind = f"uint{bits}" if bits in _SIZES else f"bit{bits}"
+    if bits == 1:
+        kind = "bool"
     return [
         f"      - {{index: 0x{entry.index:04x}, sub_index: {entry.subindex}, type: {kind}}}",
     ]

@@ -116,11 +116,8 @@ def _net(
 def yaml_word(name: str) -> str:
     """Return a name in a form that YAML reads as text."""
     # Unquoted only if YAML cannot read the name as another type, as with `on` or `1e3`.
-    return (
-        name
-        if re.fullmatch(r"[a-z][a-z0-9]*_[a-z0-9_]+|[a-z]+[0-9]+", name)
-        else (json.dumps(name))
-    )
+    bare = re.fullmatch(r"[a-z][a-z0-9]*_[a-z0-9_]+|[a-z]+[0-9]+", name)
+    return name if bare else json.dumps(name)
 
 
 def _transfer(source: SubDevice, out: FsoeBlock, sink: SubDevice, into: FsoeBlock) -> list[str]:

@@ -10,6 +10,7 @@ from fsoe_net.model.layout import DeviceLayout, SmLayout
 from fsoe_net.model.names import Names
 
 _MOST_BITS = 64
+_SIDES = {False: "in", True: "out"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,8 +74,7 @@ def directed_names(symbols: Sequence[tuple[bool, str]]) -> list[str]:
     known = set(symbols)
     shared = {name for is_output, name in symbols if (not is_output, name) in known}
     return [
-        f"{'out' if is_output else 'in'}:{name}" if name in shared else name
-        for is_output, name in symbols
+        f"{_SIDES[is_output]}:{name}" if name in shared else name for is_output, name in symbols
     ]
 
 

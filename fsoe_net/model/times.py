@@ -23,8 +23,10 @@ def time_ns(text: str, *, bare_ns: int = 0) -> int | None:
         bare_ns: Unit of a number without a unit, in nanoseconds; 0 rejects it.
     """
     match = _TIME.fullmatch(text)
-    unit_ns = 0 if match is None else TIME_UNITS_NS[match[2]] if match[2] else bare_ns
-    return round(float(match[1]) * unit_ns) if match is not None and unit_ns else None
+    if match is None:
+        return None
+    unit_ns = TIME_UNITS_NS[match[2]] if match[2] else bare_ns
+    return round(float(match[1]) * unit_ns) if unit_ns else None
 
 
 def time_text(ns: int) -> str:

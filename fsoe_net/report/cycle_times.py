@@ -187,7 +187,7 @@ def _panel(name: str, histogram: Histogram, top: float) -> str:
     for decade in range(axis.first, axis.last + 1):
         x = axis.x(10.0**decade)
         # At the borders the text would extend beyond the picture.
-        anchor = "start" if decade == axis.first else "end" if decade == axis.last else "middle"
+        anchor = {axis.last: "end", axis.first: "start"}.get(decade, "middle")
         parts.append(svg_text(x, base + 14, _time(10**decade), anchor, "small"))
     return "<g>" + "".join(parts) + "</g>"
 

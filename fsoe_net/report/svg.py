@@ -12,6 +12,13 @@ from fsoe_net.plan.show import entry_at
 _BOX_WIDTH, _BOX_HEIGHT, _GAP = 170, 62, 34
 MAX_PER_ROW = 5
 _LINE, _TOP_LINE = 15, 34  # height of a name, and the highest baseline in the picture
+# Word and class of a box, by whether the SubDevice has MainInstances and SubInstances.
+_ROLES = {
+    (True, True): ("Main + Sub", "main"),
+    (True, False): ("MainInstance", "main"),
+    (False, True): ("SubInstance", "sub"),
+    (False, False): ("no FSoE", "plain"),
+}
 _DASHES = ("", "9 4", "2 3", "12 3 2 3", "18 5", "5 3 2 3 2 3")
 _COLOURS = ("#0550ae", "#953800", "#116329", "#6639ba", "#99286e", "#424a53")
 
@@ -117,10 +124,8 @@ def _box(
 ) -> str:
     sub = plan.subdevices[number]
     x, y = at
-    role = "MainInstance" if is_main else "SubInstance" if is_sub else "no FSoE"
-    role = "Main + Sub" if is_main and is_sub else role
+    role, cls = _ROLES[is_main, is_sub]
     address = f"alias {sub.alias}+{sub.position}" if sub.alias else f"position {sub.position}"
-    cls = "main" if is_main else "sub" if is_sub else "plain"
     middle = x + _BOX_WIDTH / 2
     name = shortened(sub.name, 22)
     return (

@@ -57,7 +57,9 @@ class PartResult:
     @property
     def result(self) -> str:
         """The word for the result: ``pass``, ``fail`` or ``not tried``."""
-        return "not tried" if self.not_tried else "fail" if self.different else "pass"
+        if self.not_tried:
+            return "not tried"
+        return "fail" if self.different else "pass"
 
 
 def tried(part: SelfTestPart) -> PartResult:

@@ -184,13 +184,11 @@ class PythonMonitor:
     def _search(self, direction: int, pdu: Pdu) -> CrcVerdict:
         """Calculate the number; a consecutive second one confirms the first."""
         side = self._sides[direction]
-        sequence = (
-            0
-            if self._last_direction is None
-            else solve_sequence(
+        sequence = 0
+        if self._last_direction is not None:
+            sequence = solve_sequence(
                 self._last_crc, pdu.connection_id, pdu.command, pdu.safe_data, pdu.crcs[0]
             )
-        )
         whole = sequence == 0 or self._crcs(pdu, sequence) == pdu.crcs
         found = whole and self._continues(side, pdu, sequence)
         side.own = self._last_crc = pdu.crcs[0]

@@ -26,6 +26,9 @@ from fsoe_net.studio.workspace import Workspace
 from fsoe_net.timing.budget import make_budget
 from fsoe_net.timing.watchdogs import Limit, WatchdogBudget
 
+# By whether the SubDevice has MainInstances and SubInstances.
+_ROLES = {(True, True): "both", (True, False): "main", (False, True): "sub", (False, False): ""}
+
 
 def cables_of(network: NetworkConfig, scan: Scan) -> dict[str, object]:
     """Return the cables as plain JSON values; see ``assets/types.d.ts``.
@@ -151,7 +154,7 @@ def _subdevice(
         "group": next((g.name for g in groups if sub.name in g.subdevices), ""),
         # If it is in use, the role is a fact in the file; `likely` is a guess for an unconnected
         # SubDevice.
-        "role": "both" if is_main and is_sub else "main" if is_main else "sub" if is_sub else "",
+        "role": _ROLES[is_main, is_sub],
         "likely": "" if device is None else _likely_role(device, pairs, library),
         "device": "" if device is None else device.path,
         "identity": ""

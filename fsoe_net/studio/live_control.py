@@ -196,7 +196,9 @@ def _row(symbol: Symbol, value: Value, me: object) -> Row:
 
 
 def _shown(value: Value) -> str:
-    return "not a number" if value is None else str(int(value) if value in (0, 1) else value)
+    if value is None:
+        return "not a number"
+    return str(int(value) if value in (0, 1) else value)
 
 
 def _words(body: Body) -> tuple[str, str]:

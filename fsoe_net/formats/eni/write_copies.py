@@ -104,9 +104,10 @@ def _edits(
     line = blank[: blank.rfind(b"\n") + 1][-2:] if b"\n" in blank else b""
     line = b"\r\n" if line == b"\r\n" else line[-1:]
     indent = blank[blank.rfind(b"\n") + 1 :] if line else b""
-    new = _element(copies, line, indent + _STEP if line else b"") if copies else b""
+    inner = indent + _STEP if line else b""
+    new = _element(copies, line, inner) if copies else b""
     if not command.infos:
-        return [(last, last, line + indent + _STEP + new if line else new)] if copies else []
+        return [(last, last, line + inner + new)] if copies else []
     edits = []
     for number, (start, end) in enumerate(command.infos):
         # All copies go into the first CopyInfos; others are removed with the blanks before them.

@@ -238,8 +238,8 @@ def _node_at(root: Node, path: Iterable[str | int]) -> Node:
 def _where(path: Sequence[str | int]) -> str:
     text = ""
     for step in path:
-        text += f" {step + 1}" if isinstance(step, int) else f"{', ' if text else ''}{step}"
-    return text or "the document"
+        text += f" {step + 1}" if isinstance(step, int) else f", {step}"
+    return text.removeprefix(", ") or "the document"
 
 
 def _translate(error: SchemaError, root: MapNode, out: Collector, unknown: _Unknown) -> None:

@@ -226,15 +226,16 @@ def _view(node: MapNode, entry_bits: int, out: Collector) -> EntryView | None:
     shift, bits = run
     end = 8 * first + shift + bits
     if end > entry_bits:
-        out.add(
-            "FSN422",
-            node.at("addr_offset" if first else "mask" if shift else "type"),
+        key = "mask" if shift else "type"
+        hint = "write a shorter type or mask, or correct the type of the channel"
+        if first:
+            key, last = "addr_offset", -(-entry_bits // 8) - 1
+            hint = f"addr_offset counts bytes inside the channel, from 0 to {last}"
+        message = (
             f"this item takes bits {8 * first + shift} … {end - 1} of a channel of {entry_bits} "
-            "bits; the driver would use the bits after it",
-            hint=f"addr_offset counts bytes inside the channel, from 0 to {-(-entry_bits // 8) - 1}"
-            if first
-            else "write a shorter type or mask, or correct the type of the channel",
+            "bits; the driver would use the bits after it"
         )
+        out.add("FSN422", node.at(key), message, hint=hint)
         return None
     return EntryView(
         span=node.span,
@@ -393,11 +394,9 @@ def _sdos(root: MapNode, out: Collector) -> tuple[Sdo, ...]:
 
 
 def _check_sdo_value(node: MapNode, word: str, size: int, value: int, out: Collector) -> None:
-    low, high = (
-        (0, 2 ** (8 * size) - 1)
-        if word.startswith("u")
-        else (-(2 ** (8 * size - 1)), 2 ** (8 * size - 1) - 1)
-    )
+    low, high = -(2 ** (8 * size - 1)), 2 ** (8 * size - 1) - 1
+    if word.startswith("u"):
+        low, high = 0, 2 ** (8 * size) - 1
     if not low <= value <= high:
         out.add(
             "FSN418",

@@ -264,12 +264,12 @@ def read_flag(params: Params, name: str, out: Collector) -> bool:
     text = params.text(name)
     if text is None or text in ("true", "false"):
         return text != "false"
-    false = text.strip().lower() in ("false", "no", "off", "0")
-    true = text.strip().lower() in ("true", "yes", "on", "1")
-    out.add(
-        "FSN116",
-        params.span(name),
-        f"{name} is {_short(text)!r}; allowed are true and false",
-        hint="write false" if false else "write true" if true else "write true or false",
-    )
-    return not false
+    word = text.strip().lower()
+    meant = "true or false"
+    if word in ("false", "no", "off", "0"):
+        meant = "false"
+    elif word in ("true", "yes", "on", "1"):
+        meant = "true"
+    message = f"{name} is {_short(text)!r}; allowed are true and false"
+    out.add("FSN116", params.span(name), message, hint=f"write {meant}")
+    return meant != "false"

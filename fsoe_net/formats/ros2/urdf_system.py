@@ -168,7 +168,7 @@ class _System:
                 "fsoe_config is the old name; versions from 2026-06 warn about it",
                 hint="write transfer_config if your driver supports it",
             )
-        return "transfer_config" if new is not None else "fsoe_config" if old is not None else None
+        return next((row for row in ("transfer_config", "fsoe_config") if row in params.rows), None)
 
     def _safety_block(self, transfer_key: str | None) -> None:
         block = self._block.first("safety")

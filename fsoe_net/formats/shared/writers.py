@@ -91,8 +91,9 @@ def identifiers(names: Sequence[str]) -> tuple[str, ...]:
     given, found = Names(), []
     for name in names:
         own = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")[:48]
-        own = own if own and not own[0].isdigit() else f"n{own}" if own else "unnamed"
-        found.append(given.add(own))
+        if own[:1].isdigit():
+            own = f"n{own}"
+        found.append(given.add(own or "unnamed"))
     return tuple(found)
 
 

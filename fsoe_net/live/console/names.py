@@ -108,7 +108,7 @@ def _split(text: str) -> tuple[bool | None, str]:
 
 
 def _noun(side: bool | None) -> str:
-    return "input or output" if side is None else "output" if side else "input"
+    return {None: "input or output", True: "output", False: "input"}[side]
 
 
 def _match(text: str, symbols: Sequence[Symbol]) -> list[Symbol]:
