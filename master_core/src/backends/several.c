@@ -155,11 +155,11 @@ static fsn_status open_one(struct fsn_several *several, struct member *m, struct
         return fsn_core_create(m->part, &further, m, &m->core, fault);
     }
     struct fsn_bus_layout layout;
-    const fsn_status status = member_open(m, m->part, &layout, fault);
-    if (status == FSN_OK && layout.image_bytes > 0) {
+    FSN_TRY(member_open(m, m->part, &layout, fault));
+    if (layout.image_bytes > 0) {
         memset(layout.image, 0, layout.image_bytes);
     }
-    return status;
+    return FSN_OK;
 }
 
 /** Errors of a bus are reported with its name, and with the numbers of the whole plan. */

@@ -132,10 +132,9 @@ fsn_status fsn_core_bus(struct fsn_core *core, uint32_t number, struct fsn_stati
     if (core == NULL || statistics == NULL || number >= fsn_plan_bus_count(core->plan)) {
         return FSN_E_ARG;
     }
-    const fsn_status status = fsn_core_snapshot(core, statistics, NULL, NULL);
-    return status == FSN_OK && core->rt.ops->statistics != NULL
-               ? core->rt.ops->statistics(core->rt.bus, number, statistics)
-               : status;
+    FSN_TRY(fsn_core_snapshot(core, statistics, NULL, NULL));
+    const struct fsn_bus_ops *ops = core->rt.ops;
+    return ops->statistics != NULL ? ops->statistics(core->rt.bus, number, statistics) : FSN_OK;
 }
 
 static bool has_place(const struct fsn_core *core, uint32_t symbol) {

@@ -84,28 +84,28 @@ static fsn_status read_number(const struct at *at, uint16_t index, uint8_t sub, 
 }
 
 static fsn_status read_assignment(const struct at *at, struct assignment *a) {
-    fsn_status status = read_number(at, at->assigned, 0, &a->count);
+    FSN_TRY(read_number(at, at->assigned, 0, &a->count));
     a->count &= 0xFFu;
     a->count = a->count > MOST_PDOS ? MOST_PDOS : a->count;
-    for (uint32_t i = 0; status == FSN_OK && i < a->count; i++) {
+    for (uint32_t i = 0; i < a->count; i++) {
         uint32_t pdo;
-        status = read_number(at, at->assigned, (uint8_t)(i + 1), &pdo);
+        FSN_TRY(read_number(at, at->assigned, (uint8_t)(i + 1), &pdo));
         a->pdos[i] = (uint16_t)pdo;
     }
-    return status;
+    return FSN_OK;
 }
 
 static fsn_status read_mapping(const struct at *at, uint16_t pdo, struct mapping *m) {
     uint32_t count;
-    fsn_status status = read_number(at, pdo, 0, &count);
+    FSN_TRY(read_number(at, pdo, 0, &count));
     count &= 0xFFu;
     m->count = 0;
-    for (uint32_t i = 0; status == FSN_OK && i < count; i++) {
+    for (uint32_t i = 0; i < count; i++) {
         uint32_t entry;
-        status = read_number(at, pdo, (uint8_t)(i + 1), &entry);
+        FSN_TRY(read_number(at, pdo, (uint8_t)(i + 1), &entry));
         add_entry(m->entries, &m->count, entry);
     }
-    return status;
+    return FSN_OK;
 }
 
 /* -- writing -------------------------------------------------------------------------------- */
@@ -213,11 +213,11 @@ fsn_status fsn_pdo_check(const struct fsn_plan *plan, uint32_t sm,
                          const struct fsn_objects *objects, char detail[FSN_DETAIL_BYTES]) {
     const struct fsn_sm_record r = fsn_read_sm(plan, sm);
     const struct at at = {plan, objects, sm, (uint16_t)(ASSIGNMENT + r.index), detail};
-    fsn_status status = check_assignment(&at);
-    for (uint32_t i = 0; status == FSN_OK && i < r.pdo_count; i++) {
-        status = check_mapping(&at, r.first_pdo + i);
+    FSN_TRY(check_assignment(&at));
+    for (uint32_t i = 0; i < r.pdo_count; i++) {
+        FSN_TRY(check_mapping(&at, r.first_pdo + i));
     }
-    return status;
+    return FSN_OK;
 }
 
 fsn_status fsn_pdo_check_bits(const struct fsn_plan *plan, uint32_t sm, uint32_t found_bits,

@@ -353,9 +353,8 @@ fsn_status fsn_prove_copies(const struct fsn_plan *plan, struct fsn_fault *fault
     typedef fsn_status (*proof)(const struct fsn_plan *, struct fsn_fault *);
     static const proof proofs[] = {prove_blocks, prove_symbols, prove_copies, prove_connections,
                                    prove_owners};
-    fsn_status status = FSN_OK;
-    for (size_t i = 0; i < sizeof proofs / sizeof proofs[0] && status == FSN_OK; i++) {
-        status = proofs[i](plan, fault);
+    for (size_t i = 0; i < sizeof proofs / sizeof proofs[0]; i++) {
+        FSN_TRY(proofs[i](plan, fault));
     }
-    return status;
+    return FSN_OK;
 }
