@@ -141,7 +141,7 @@ def _keygen(
         )
     try:
         return subprocess.run(  # noqa: S603  # a list, no shell
-            [program, "-Y", what, "-n", NAMESPACE, *given],
+            [program, *(["-q"] if asks else []), "-Y", what, "-n", NAMESPACE, *given],
             input=data,
             stdout=subprocess.PIPE,
             stderr=None if asks else subprocess.PIPE,

@@ -26,7 +26,7 @@ Example:
 \b
 Afterwards:
   fsoe-net acceptance verify network.yaml --accepted acceptance.yaml     # or --socket PATH
-  fsoe-net report network.yaml --accepted acceptance.yaml -o report.html # what has changed
+  fsoe-net report network.yaml --accepted acceptance.yaml -o signed.html # what has changed
 
 \b
 Signatures, each by the key of that person; names then are "NAME <PRINCIPAL>":

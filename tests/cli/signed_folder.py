@@ -30,7 +30,7 @@ def make_signed(folder: Path) -> Path:
         assert found.returncode == 0, found.stderr
 
     done("test-record", "timed.yaml", "-o", "test-record.yaml")
-    _fill_in(folder / "test-record.yaml")
+    fill_in(folder / "test-record.yaml", DAY)
     (folder / "photos").mkdir()
     (folder / "photos" / "panel.jpg").write_bytes(b"a photo of the panel")
     for form in ("html", "json"):
@@ -65,15 +65,16 @@ def make_signed(folder: Path) -> Path:
     return folder
 
 
-def _fill_in(path: Path) -> None:
+def fill_in(path: Path, day: str = "", *, loss: bool = False) -> None:
+    """Write results into a test record, as a person does at the machine."""
     document = yaml.safe_load(path.read_text("utf-8"))
-    document["made"] = DAY
+    document["made"] = day or document["made"]
     for device in document["devices"]:
         device.update(dict.fromkeys(device.keys() - {"subdevice"}, "not applicable: emulated"))
     for step in document["steps"]:
-        if step["kind"] in ("start_up", "trigger"):
+        if step["kind"] in ("start_up", "trigger", *(("loss",) if loss else ())):
             done = {"result": "as expected", "measured_ms": 60, "remark": ""}
-            step["machine"] = {**done, "by": "A. Meier", "date": DAY}
+            step["machine"] = {**done, "by": "A. Meier", "date": document["made"]}
     path.write_text(yaml.safe_dump(document), "utf-8")
 
 

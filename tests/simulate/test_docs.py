@@ -1,17 +1,21 @@
 """The reference pages say what the program does."""
 
 import dataclasses
+import json
+import os
 import re
-import shlex
 import shutil
 import subprocess
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from cli.signed_folder import ANNA, BERT, RECORD, make_signed, public_key
-from cli.tool import fsn
+from cli.signed_folder import ANNA, BERT, fill_in
 from live.support import ESTOP, ROOT, document, needs_core, run, session_of
 from networks import example
+from patience import PATIENCE_S
+from scans import scan_of
 
 from fsoe_net.campaign.fault_classes import CATALOGUE
 from fsoe_net.campaign.trials import CampaignConfig
@@ -74,27 +78,47 @@ def test_every_key_of_the_json_is_on_the_page():
 
 
 @pytest.mark.skipif(shutil.which("ssh-keygen") is None, reason="needs ssh-keygen of OpenSSH")
-def test_the_page_on_signatures_runs_as_written(tmp_path: Path):
-    folder = make_signed(tmp_path)
-    for name in ("anna", "anna.pub", RECORD, f"{RECORD}.author.sig", f"{RECORD}.verifier.sig"):
-        (folder / name).unlink()
+def test_the_page_on_acceptance_runs_as_written(tmp_path: Path):
+    folder = tmp_path / "estop"
+    shutil.copytree(ROOT / "examples" / "estop", folder)
+    shown = [line for line in _accept_page(folder) if not line.startswith("$")]
+    page_text = (ROOT / "docs" / "howto" / "accept.md").read_text("utf-8")
+    blocks = "".join(re.findall(r"```console\n(.*?)```", page_text, re.DOTALL))
+    fixed = [line for line in shown if not re.search(r"SHA256:|\d{4}-\d\d-\d\d|^evidence", line)]
+    assert [line for line in fixed if line not in blocks.splitlines()] == []
+    assert sum("signed, ED25519" in line for line in shown) == 2
+    assert f"signed as author by {ANNA}" in "".join(shown)
+    assert f"signed as verifier by {BERT}" in "".join(shown)
+
+
+def _accept_page(folder: Path) -> Iterator[str]:
+    """Run the commands of the page; fill in the test record and read the bus as a person would."""
     text = (ROOT / "docs" / "howto" / "accept.md").read_text("utf-8")
-    section = text.partition("\n## Sign the record\n")[2].partition("\n## ")[0]
-    make_key, *others = re.findall(r"^\$ (.*)$", section, re.MULTILINE)
-    subprocess.run(shlex.split(make_key), cwd=folder, check=True)
-    allowed = [(ANNA, "anna"), (BERT, "bert")]
-    lines = [f"{who} {public_key(folder, key)}" for who, key in allowed]
-    (folder / "signers").write_text("".join(lines), "utf-8")
-    shown = []
-    for command in others:
-        program, *given = shlex.split(command)
-        done = fsn(*given, cwd=folder)
-        assert (program, done.returncode) == ("fsoe-net", 0), done.stderr
-        shown.append(done.stdout)
-    assert len(shown) == 4
-    assert f"signed as author by {ANNA}" in shown[1]
-    assert f"signed as verifier by {BERT}" in shown[2]
-    assert "timed.yaml: the same" in shown[3]
+    blocks = "".join(re.findall(r"```console\n(.*?)```", text, re.DOTALL))
+    commands = re.findall(r"^\$ ((?:.*\\\n)*.*)$", blocks, re.MULTILINE)
+    tools = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    for command in commands:
+        if command.startswith(("pipx", "sudo")):
+            continue
+        if command == "fsoe-net scan --interface eth1 -o bus":
+            (folder / "bus").mkdir()
+            scan = json.dumps(scan_of(example("estop")))
+            (folder / "bus" / "scan.json").write_text(scan, "utf-8")
+            continue
+        done = subprocess.run(
+            ["bash", "-c", command],
+            cwd=folder,
+            env={**os.environ, "PATH": tools},
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=PATIENCE_S,
+        )
+        changed = "verify network.yaml --accepted" in command  # the page has changed the network
+        assert done.returncode == (1 if changed else 0), (command, done.stdout, done.stderr)
+        yield from (done.stdout + done.stderr).splitlines()
+        if command.startswith("fsoe-net test-record"):
+            fill_in(folder / "test-record.yaml", loss=True)
 
 
 @pytest.mark.parametrize("name", ["estop", "el6910"])
