@@ -8,6 +8,7 @@ outside world and for programming mistakes:
     |   +-- CoreMissing           the compiled module could not be loaded
     |   +-- ControlRefused        fsn-master refused a request; carries the name of its status
     InputError                a file was rejected as a whole; carries diagnostics (exit 1)
+    |   +-- FilePresent           a file exists and was not to be replaced
     |   +-- PlanFormatError       bytes that are not a valid .fsnplan
     |   +-- RecordingError        an invalid line in a recorded run
     |   +-- IncidentError         an invalid line in an incident file
@@ -92,6 +93,23 @@ class InputError(FsnError):
             self.add_note(_visible(f"{first.span}: {first.code}: {first.message}"))
             if first.hint:
                 self.add_note(_visible(f"next step: {first.hint}"))
+
+
+class FilePresent(InputError):
+    """A file exists and is kept.
+
+    Args:
+        path: The file.
+    """
+
+    def __init__(self, path: object) -> None:
+        self._kept = f"nothing written: {path} exists; name another file, or replace it with "
+        super().__init__(f"{self._kept}overwrite=True")
+
+    @property
+    def on_command_line(self) -> str:
+        """The message with the option of the command line instead of the Python argument."""
+        return f"{self._kept}--overwrite"
 
 
 class PlanFormatError(InputError):

@@ -170,6 +170,8 @@ def test_the_programs_of_the_page_run(tmp_path, monkeypatch, capsys):
     assert len(blocks) == 13
     names: dict[str, object] = {}
     with FakeMaster() as master:
+        # `examples/el6910` has this name for its input.
+        master.inputs["drive_1.status_word"] = 0x27
         threading.Thread(target=_lose_the_connection, args=(master,), daemon=True).start()
         for block in blocks:
             exec(compile(block.replace(SOCKET, str(master.path)), str(PAGE), "exec"), names)
@@ -184,6 +186,28 @@ def test_the_programs_of_the_page_run(tmp_path, monkeypatch, capsys):
     assert "100.0 ms; at least 38.4 ms\n" in out  # 1.2 x 32 ms
     written = {p.name for p in Path().iterdir()}
     assert {"machine.fsnplan", "report.html", "run.pcapng", "out", "proposed"} <= written
+
+
+def test_names_of_the_page_are_those_of_its_network():
+    text = PAGE.read_text("utf-8")
+    plan = fsoe_net.load(EXAMPLES / "el6910" / "network.yaml").compile()
+    names = {symbol.name for symbol in plan.symbols}
+    assert set(re.findall(r"\"(drive_1\.[^\"]+)\"", text)) <= names
+    assert "here `examples/el6910`" in text
+
+
+@needs_core
+def test_kept_file_is_reported_with_the_argument_of_the_caller(tmp_path):
+    path = tmp_path / "machine.fsnplan"
+    network = EXAMPLES / "estop" / "network.yaml"
+    plan = fsoe_net.load(network).compile()
+    plan.save(path)
+    with pytest.raises(fsoe_net.InputError, match="exists; .* replace it with overwrite=True$"):
+        plan.save(path)
+    plan.save(path, overwrite=True)
+    command = fsn("plan", str(network), "-o", str(path))
+    assert command.returncode == 1
+    assert command.stderr.endswith("replace it with --overwrite\n")
 
 
 @needs_core

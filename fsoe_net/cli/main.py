@@ -11,7 +11,7 @@ import sys
 import click
 
 from fsoe_net.cli.terminal import echo
-from fsoe_net.errors import FsnError, InputError
+from fsoe_net.errors import FilePresent, FsnError, InputError
 from fsoe_net.version import __version__
 
 # By task; also the order of the reference.
@@ -169,7 +169,8 @@ def main() -> None:
     except InputError as exc:
         from fsoe_net.cli.output import print_diagnostics
 
-        echo(f"error: {exc}", err=True)
+        message = exc.on_command_line if isinstance(exc, FilePresent) else exc
+        echo(f"error: {message}", err=True)
         print_diagnostics(exc.diagnostics, err=True)
         sys.exit(exc.exit_code)
     except FsnError as exc:

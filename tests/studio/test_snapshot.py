@@ -16,6 +16,7 @@ from networks import EXAMPLES
 
 from fsoe_net.cli.main import cli
 from fsoe_net.document.write_html import document_html
+from fsoe_net.errors import FilePresent
 from fsoe_net.project.check import check_files
 from fsoe_net.project.snapshot import snapshot
 
@@ -93,7 +94,7 @@ def test_the_command_writes_it_once(cell: Path, monkeypatch: pytest.MonkeyPatch)
     page = cell.with_name("cell.html")
     assert "<svg" in page.read_text("utf-8")
     found = done("--snapshot", "cell.html")
-    assert "replace it with --overwrite" in str(found.exception)
+    assert isinstance(found.exception, FilePresent)
     page.write_text("")
     assert done(".", "--snapshot", "cell.html", "--overwrite").exit_code == 0
     assert "<svg" in page.read_text("utf-8")

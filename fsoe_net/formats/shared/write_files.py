@@ -8,7 +8,7 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
-from fsoe_net.errors import EnvironmentFault, InputError
+from fsoe_net.errors import EnvironmentFault, FilePresent
 
 STDOUT = "-"
 
@@ -21,7 +21,7 @@ def write_whole(output: str | os.PathLike[str], data: bytes, *, overwrite: bool)
     programs.
 
     Raises:
-        InputError: The file exists and must not be replaced.
+        FilePresent: The file exists and must not be replaced.
         EnvironmentFault: The file cannot be written; the existing content is unchanged.
     """
     if os.fspath(output) == STDOUT:
@@ -42,7 +42,7 @@ def write_all(
         overwrite: Whether to replace existing files.
 
     Raises:
-        InputError: A file exists and must not be replaced.
+        FilePresent: A file exists and must not be replaced.
         EnvironmentFault: A file cannot be written; the existing content is unchanged.
     """
     paths = {Path(folder) / name: data for name, data in reversed(list(files.items()))}
@@ -108,15 +108,13 @@ def refuse_present(path: Path) -> None:
     """Reject a file that would be replaced.
 
     Raises:
-        InputError: The file exists.
+        FilePresent: The file exists.
     """
     # A link also counts, even a dangling one; a pipe or /dev/null has nothing to lose.
     if path.is_symlink() or path.is_file():
         if path.exists() and not path.is_file():
             return
-        raise InputError(
-            f"nothing written: {path} exists; name another file, or replace it with --overwrite"
-        )
+        raise FilePresent(path)
 
 
 def make_folder(path: str | None, what: str) -> None:
