@@ -102,7 +102,7 @@ def _difference(wanted: Known, given: Known, sections: tuple[str, ...]) -> Itera
     for name in sections:
         before, after = wanted.section_text(name), given.section_text(name)
         if before is None or after is None:
-            hidden = wanted.path if before is None else given.path
+            hidden = wanted.name if before is None else given.name
         elif not by_meaning or name in ("devices", "process_data"):
             yield from _changed_lines(name, before, after)
     if hidden:

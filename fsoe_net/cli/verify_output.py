@@ -26,7 +26,7 @@ def _compared(row: Comparison) -> Iterator[Part]:
     if not row.same:
         verdict = Verdict(f"DIFFERS in {', '.join(row.sections)}", Level.ERROR)
     note = f" ({row.note})" if row.note else ""
-    yield words(f"{row.known.fingerprint.short}  {row.known.path}{note}: ", verdict)
+    yield words(f"{row.known.fingerprint.short}  {row.known.name}{note}: ", verdict)
     for line in row.lines:
         yield words(f"  {line}")
 

@@ -10,7 +10,7 @@ from fsoe_net.diag.pause import without_collector
 from fsoe_net.errors import InputError
 from fsoe_net.formats.own.acceptance import is_acceptance, load_acceptance
 from fsoe_net.formats.own.options import LoadOptions
-from fsoe_net.formats.shared.files import Collector, read_bytes, read_source
+from fsoe_net.formats.shared.files import STDIN, Collector, read_bytes, read_source
 from fsoe_net.formats.shared.limits import MAX_PLAN_BYTES, MAX_RECORD_BYTES
 from fsoe_net.model.acceptance import Acceptance
 from fsoe_net.model.network import SourceFile
@@ -44,6 +44,11 @@ class Known:
     fingerprint: Fingerprint
     plan: Plan | None = None
     functions: tuple[SafetyFunction, ...] | None = None
+
+    @property
+    def name(self) -> str:
+        """The path as a person reads it."""
+        return "standard input" if self.path == STDIN else self.path
 
     def section_text(self, name: str) -> str | None:
         """Return the canonical text of a section, or ``None`` if only its hash is known."""

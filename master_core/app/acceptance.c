@@ -156,11 +156,16 @@ int acceptance_check(const uint8_t *plan, size_t plan_bytes, struct options *opt
     memcpy(said, text, sizeof said);
     options->acceptance_said = said;
     entry_acceptance(options, code == EXIT_FINE, said);
-    log_text(code == EXIT_FINE ? FSN_LOG_INFO : FSN_LOG_ERROR, text);
+    log_text(FSN_LOG_INFO, text);
     if (code == EXIT_FINE) {
         return -1;
     }
-    log_line(FSN_LOG_ERROR, "the plan is not the one signed in %s, according to %s verify: code %d",
-             options->acceptance, path, code);
+    const bool revoked = options->revoked != NULL;
+    log_line(FSN_LOG_ERROR,
+             "plan %s is not as signed in %s; compare with `fsoe-net acceptance verify %s "
+             "--acceptance %s --signers %s%s%s` (%s ended with code %d)",
+             options->plan_file, options->acceptance, options->plan_file, options->acceptance,
+             options->signers, revoked ? " --revoked " : "", revoked ? options->revoked : "", path,
+             code);
     return code == EXIT_REFUSED || code == EXIT_USAGE ? EXIT_REFUSED : EXIT_ENVIRONMENT;
 }

@@ -112,7 +112,7 @@ def test_signers_are_in_the_intervention_log(folder: Path) -> None:
 def test_another_plan_or_other_files_do_not(folder: Path) -> None:
     done = run(folder, *SIGNED, plan="other.fsnplan")
     assert done.returncode == 1
-    assert "DIFFERS in connections" in done.stderr
+    assert "standard input: DIFFERS in connections" in done.stderr
     done = run(folder, "--acceptance", "-x", "--signers", "signers")
     assert done.returncode == 1
     assert "-x cannot be read" in done.stderr
@@ -121,9 +121,14 @@ def test_another_plan_or_other_files_do_not(folder: Path) -> None:
     done = run(folder, *SIGNED, "--log", "json")
     assert done.returncode == 1
     rows = [json.loads(line) for line in done.stderr.splitlines()]
-    assert {row["level"] for row in rows} == {"error"}
+    assert [row["level"] for row in rows] == [*(["info"] * (len(rows) - 1)), "error"]
     assert "NOT as signed: report.html: not the file" in done.stderr
-    assert f"the plan is not the one signed in {RECORD}" in rows[-1]["text"]
+    assert f"plan timed.fsnplan is not as signed in {RECORD}" in rows[-1]["text"]
+    advice = rows[-1]["text"].split("`")[1].split()
+    assert advice == ["fsoe-net", "acceptance", "verify", "timed.fsnplan", *SIGNED]
+    again = fsn(*advice[1:], cwd=folder)
+    assert again.returncode == 1
+    assert "NOT as signed: report.html: not the file" in again.stdout
     assert not (folder / "s").exists()
 
 
@@ -145,10 +150,10 @@ def test_it_is_refused_where_nothing_can_check_it(folder: Path) -> None:
     ("text", "code", "words"),
     [
         ("#!/bin/sh\nexit 0\n", 0, "as in the plan"),
-        ("#!/bin/sh\nexit 2\n", 1, "verify: code 2"),
-        ("#!/bin/sh\nkill -9 $$\n", 3, "verify: code 127"),
-        ("no program", 3, "verify: code 127"),
-        ("#!/bin/sh\nhead -c 3000000 /dev/zero | tr '\\0' x\nexit 1\n", 1, "verify: code 1"),
+        ("#!/bin/sh\nexit 2\n", 1, "ended with code 2"),
+        ("#!/bin/sh\nkill -9 $$\n", 3, "ended with code 127"),
+        ("no program", 3, "ended with code 127"),
+        ("#!/bin/sh\nhead -c 3000000 /dev/zero | tr '\\0' x\nexit 1\n", 1, "ended with code 1"),
         ("#!/bin/sh\nprintf 'a\\033[31m\\n'\nexit 1\n", 1, "a\\u001b[31m"),
         ('#!/bin/sh\nwc -c\necho "$@"\nexit 1\n', 1, f"verify - {' '.join(SIGNED)}"),
     ],
