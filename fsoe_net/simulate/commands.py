@@ -92,7 +92,12 @@ def _target(action: Action) -> Callable[[Sequence[str], Span], ScenarioStep]:
 
 
 def _button(action: Action) -> Callable[[Sequence[str], Span], ScenarioStep]:
-    return lambda _, span: ScenarioStep(span=span, at_ns=0, action=action, target="reset")
+    def make(words: Sequence[str], span: Span) -> ScenarioStep:
+        if words not in ([], ["reset"]):
+            raise CommandError(f"unknown button {words[0][:24]!r}; the only one is reset")
+        return ScenarioStep(span=span, at_ns=0, action=action, target="reset")
+
+    return make
 
 
 def _values(action: Action, high: int) -> Callable[[Sequence[str], Span], ScenarioStep]:
@@ -155,8 +160,8 @@ _FORMS = {
     "pull": _Form("GROUP", _target(Action.PULL)),
     "power-cycle": _Form("SUBDEVICE", _target(Action.POWER_CYCLE)),
     "local-reset": _Form("CONNECTION", _target(Action.LOCAL_RESET)),
-    "press": _Form("", _button(Action.PRESS)),
-    "release": _Form("", _button(Action.RELEASE)),
+    "press": _Form("[reset]", _button(Action.PRESS)),
+    "release": _Form("[reset]", _button(Action.RELEASE)),
     "set": _Form("SIGNAL VALUE", _values(Action.SET, 2**64 - 1)),
     "fsoe-address": _Form("SUBDEVICE ADDRESS", _values(Action.FSOE_ADDRESS, 0xFFFF)),
     "drive-fault": _Form("DRIVE CODE", _values(Action.DRIVE_FAULT, 0xFFFF)),

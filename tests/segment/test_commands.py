@@ -52,6 +52,8 @@ def found_by_scan(session, now_ns):
         ("mailbox-delay a 20ms", Action.MAILBOX_DELAY, "", 0, {"a": 20}),
         ("narrow-clock a", Action.NARROW_CLOCK, "a", 0, {}),
         ("press", Action.PRESS, "reset", 0, {}),
+        ("press reset", Action.PRESS, "reset", 0, {}),
+        ("release reset", Action.RELEASE, "reset", 0, {}),
     ],
 )
 def test_text_of_a_line(line, action, target, number, values):
@@ -66,7 +68,7 @@ def test_text_of_a_line(line, action, target, number, values):
         ("xyz", "known: break, heal"),
         ("xyz", "status"),
         ("break", "write: break SUBDEVICE"),
-        ("press it", "write: press"),
+        ("press it", "unknown button 'it'; the only one is reset"),
         ("wrong a 1", "write: wrong SUBDEVICE VENDOR PRODUCT [REVISION]"),
         ("lose many", "not a number"),
         ("lose -1", "not in 0"),
