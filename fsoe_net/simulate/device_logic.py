@@ -13,6 +13,7 @@ import importlib
 import inspect
 import os
 import sys
+import sysconfig
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -247,10 +248,12 @@ def _raised(name: str, what: str, exc: BaseException) -> EnvironmentFault:
 
 def _place(exc: BaseException) -> str:
     """Return the location of an exception in the foreign code."""
-    trace, last = exc.__traceback__, ""
+    # A standard module, such as ctypes for a missing library, is not where the mistake is.
+    trace, last, own = exc.__traceback__, "", sysconfig.get_path("stdlib") + os.sep
     while trace is not None:
         file = trace.tb_frame.f_code.co_filename
-        if file != __file__ and not file.startswith("<"):  # <frozen importlib…>
+        standard = file.startswith(own) and "-packages" not in file
+        if file != __file__ and not standard and not file.startswith("<"):  # <frozen importlib…>
             last = f" ({os.path.basename(file)}, line {trace.tb_lineno})"
         trace = trace.tb_next
     return last

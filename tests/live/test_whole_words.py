@@ -108,8 +108,8 @@ break SUBDEVICE
 heal SUBDEVICE
 power-cycle SUBDEVICE
 local-reset CONNECTION
-press
-release
+press [reset]
+release [reset]
 set SIGNAL VALUE
 fsoe-address SUBDEVICE ADDRESS
 cut SUBDEVICE|main
@@ -290,7 +290,7 @@ def test_where_in_the_code_of_others():
     code = compile("def f():\n    import json\n    json.loads('x')\nf()", "/a/mine.py", "exec")
     with pytest.raises(ValueError, match="Expecting") as caught:
         exec(code, {})
-    assert _place(caught.value).startswith(" (decoder.py, line ")
+    assert _place(caught.value).startswith(" (mine.py, line 3)")
     code = compile("1 / 0", "<frozen x>", "exec")
     with pytest.raises(ZeroDivisionError) as caught:
         exec(code, {})

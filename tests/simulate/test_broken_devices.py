@@ -110,6 +110,11 @@ def test_fitting_values_of_other_types_are_taken(fsn):
         ("import nothing_of_this_name", 1, "cannot be imported .*nothing_of_this_name"),
         ("1 / 0", 3, r"importing mod\w+ raised ZeroDivisionError\(.*\) \(mod\w+\.py, line 1\)"),
         (
+            "import ctypes\nctypes.CDLL('./libnone.so')",
+            3,
+            r"importing mod\w+ raised OSError\(.*libnone.*\) \(mod\w+\.py, line 2\)",
+        ),
+        (
             "import sys\nsys.exit()",
             3,
             r"importing mod\w+ raised SystemExit\(\) \(mod\w+\.py, line 2",

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 from cli.signed_folder import ANNA, BERT, fill_in
+from cli.tool import fsn
 from live.support import ESTOP, ROOT, document, needs_core, run, session_of
 from networks import example
 from patience import PATIENCE_S
@@ -121,6 +122,24 @@ def _accept_page(folder: Path) -> Iterator[str]:
             fill_in(folder / "test-record.yaml", loss=True)
 
 
+@needs_core
+@pytest.mark.parametrize(
+    ("file", "name"), [("README.md", "estop"), ("docs/howto/emulate.md", "robot-cell")]
+)
+def test_shown_run_is_the_output_of_its_command(file: str, name: str):
+    text = (ROOT / file).read_text("utf-8")
+    command = f"run examples/{name}/network.yaml --scenario examples/{name}/scenario.yaml"
+    shown = text.partition(f"$ fsoe-net {command} --virtual-time\n")[2].partition("```")[0]
+    lines = fsn(*command.split(), "--virtual-time", cwd=ROOT).stdout.splitlines()
+    after = 0
+    # Lines are left out only where the page has an ellipsis.
+    for part in shown.split("…\n"):
+        rows = part.splitlines()
+        starts = [n for n in range(after, len(lines)) if lines[n : n + len(rows)] == rows]
+        assert starts, part
+        after = starts[0] + len(rows)
+
+
 @pytest.mark.parametrize("name", ["estop", "el6910"])
 def test_the_scenario_examples_are_valid(name: str):
     scenario, found = load_scenario(ROOT / "examples" / name / "scenario.yaml")
@@ -149,11 +168,13 @@ def test_every_key_of_a_campaign_is_documented():
     assert keys <= named, keys - named
 
 
-def test_device_of_the_how_to_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_device_of_the_how_to_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
     """The wrapper works with a library that has the functions of the header."""
     text = (ROOT / "docs" / "howto" / "test-your-device.md").read_text("utf-8")
     source = tmp_path / "my_sub.c"
-    silent = "#include <stdint.h>\n" + code(text, "c").replace(";", " {", 4)
+    silent = code(text, "c").replace(";", " {", 4)
     bodies = iter(
         [
             "}",
@@ -179,3 +200,11 @@ def test_device_of_the_how_to_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert sub.step(1, bytes(7)) is None
     assert not sub.data_valid
     assert sub.received_safe_data == bytes(2)
+    # The program that injects a fault into this device.
+    program = re.findall(r"```python\n(.*?)```", text, re.DOTALL)[1]
+    (tmp_path / "my_device.py").write_text(code(text, "python"), "utf-8")
+    shutil.copytree(ROOT / "examples" / "estop", tmp_path, dirs_exist_ok=True)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    exec(program, names)
+    assert names["link"].sub.address == 14
+    assert capsys.readouterr().out == "False\n"
