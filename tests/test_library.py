@@ -202,7 +202,7 @@ def test_kept_file_is_reported_with_the_argument_of_the_caller(tmp_path):
     network = EXAMPLES / "estop" / "network.yaml"
     plan = fsoe_net.load(network).compile()
     plan.save(path)
-    with pytest.raises(fsoe_net.InputError, match="exists; .* replace it with overwrite=True$"):
+    with pytest.raises(fsoe_net.InputError, match=r"exists; .* replace it with overwrite=True$"):
         plan.save(path)
     plan.save(path, overwrite=True)
     command = fsn("plan", str(network), "-o", str(path))

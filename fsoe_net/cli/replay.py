@@ -9,6 +9,7 @@ from fsoe_net.campaign.recording.rows import file_lines
 from fsoe_net.cli.replay_output import ReplayOutcome, outcome_json, print_outcome
 from fsoe_net.cli.terminal import echo
 from fsoe_net.errors import InputError, RecordingError
+from fsoe_net.formats.recognise import other_document
 from fsoe_net.formats.shared.files import open_file
 from fsoe_net.version import __version__
 
@@ -40,6 +41,10 @@ def print_replay(files: tuple[str, ...], fmt: str) -> int:
 def _replayed(file: str) -> ReplayOutcome:
     try:
         with open_file(file, regular=False) as stream:
+            peek = getattr(stream, "peek", None)  # standard input was read to its end
+            other = other_document(peek() if peek else b"", "recording")
+            if other is not None:
+                return ReplayOutcome(file=file, reason="; ".join(other))
             return ReplayOutcome(file=file, result=replay(file_lines(stream)))
     except RecordingError as exc:
         return ReplayOutcome(file=file, reason=exc.reason, line=exc.line)

@@ -55,6 +55,27 @@ _ROOTS = {
     "TreeItem": ("a tree item of TwinCAT", ""),
     "sdf": ("an SDF file", "name the URDF or xacro it was made from"),
 }
+# Results of fsoe-net in JSON, which no reader of a network supports.
+_RECORDING = Signature(
+    words="a recording of a campaign", begins=rb'\{[^\n]{0,1000}"type"\s*:\s*"config"'
+)
+_RESULTS = (
+    Signature(words="a report in JSON", begins=rb'\s*\{\s*"format"\s*:\s*"fsoe-net report"'),
+    Signature(words="a result of a command in JSON", begins=rb'\s*\{\s*"tool"\s*:\s*"fsoe-net"'),
+    Signature(words="a scan in JSON", begins=rb'\s*\{\s*"scan"\s*:'),
+    _RECORDING,
+)
+# Expected documents: description, and the next step where another file is given.
+_DOCUMENTS = {
+    "acceptance": ("an acceptance record", "give the file of `fsoe-net acceptance record`"),
+    "test-record": ("a test record", "give the file of `fsoe-net test-record`, as YAML"),
+    "device": ("a device file", "give a file such as `fsoe_net/devices/el1904.yaml`"),
+    "capture": (
+        "a packet capture (pcap, pcapng)",
+        "give a capture of tcpdump, tshark or Wireshark",
+    ),
+    "recording": (_RECORDING.words, "give a file of `fsoe-net campaign --save-dir DIR`"),
+}
 UNSUPPORTED = (
     *(Signature(words=w, begins=begins, next_step=step) for w, begins, step in _BEGINNINGS),
     *(Signature(words=w, root=root, next_step=step) for root, (w, step) in _ROOTS.items()),
@@ -267,6 +288,35 @@ def refuse_known(data: bytes, place: Span, wanted: str, out: Collector) -> bool:
         step = f"`fsoe-net init {place.file}` proposes a network from it"
     out.add("FSN117", place, f"this is {found.words}, not {wanted}", hint=step)
     return True
+
+
+def other_document(data: bytes, kind: str) -> tuple[str, str] | None:
+    """Return what a file is instead of a document of fsoe-net, and the next step.
+
+    Args:
+        data: The file.
+        kind: Expected document: ``acceptance``, ``capture``, ``device``, ``recording`` or
+            ``test-record``.
+
+    Returns:
+        ``None`` if it may be this document, or is unknown.
+    """
+    head = data[:_HEAD_BYTES]
+    found = next((s for s in _RESULTS if re.match(s.begins, head)), None) or recognise(head)
+    words, step = _DOCUMENTS[kind]
+    if found is None or found.words == words:
+        return None
+    return f"this is {found.words}, not {words}", step
+
+
+def refuse_other(data: bytes, kind: str, file: str, out: Collector) -> bool:
+    """Report FSN140 for a file that cannot be this YAML document of fsoe-net."""
+    is_yaml = (found := recognise(data)) is not None and found.kind == "yaml"
+    # `check_structure` tells the YAML documents apart by their keys.
+    other = None if is_yaml else other_document(data, kind)
+    if other is not None:
+        out.add("FSN140", Span(file, 1, 1), other[0], hint=other[1])
+    return other is not None
 
 
 def is_format(data: bytes, kind: str, shown: str, out: Collector) -> bool:

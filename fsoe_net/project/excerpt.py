@@ -17,7 +17,9 @@ _MOST_BYTES = 4 << 20
 _WIDTH = 92  # columns of a line that are shown
 _BEFORE = 60  # maximum before the marked column
 # A comma in a number is part of what was typed; in a list it ends a value.
-_TOKEN = re.compile(r'\d+,\d+(?!\S)|"[^"]*"|\'[^\']*\'|</?[\w:.-]+|[^\s,:#<>\[\]{}"\']+')
+# A number and its unit are one value.
+_UNIT = r"\d[\d.]* [^\W\d_]+(?=\s*(?:$|[,\]}])|\s+#)|"
+_TOKEN = re.compile(_UNIT + r'\d+,\d+(?!\S)|"[^"]*"|\'[^\']*\'|</?[\w:.-]+|[^\s,:#<>\[\]{}"\']+')
 # YAML also ends lines at these; XML does not. Line numbers of a file with one are ambiguous.
 _ODD_BREAKS = re.compile("[\x0b\x0c\x85\u2028\u2029]")
 

@@ -126,7 +126,7 @@ def test_mistakes_in_lines():
     refused([], 0, "empty")
     refused(["", "  "], 0, "empty")
     refused(good[:1], 0, "nothing to compare")
-    refused([*good[:4], good[4][:100]], 5, "no JSON, or cut off")
+    refused([*good[:4], good[4][:100]], 5, "not valid JSON, or cut off")
     refused([*good[:4], "", "[1]"], 6, "a list instead of an object")
     refused(["[" * 100_000], 1, "nested too deeply")
     refused([good[0], '{"type": "skip", "n": 3, "sha256": "00"}'], 2, "SHA-256")

@@ -81,7 +81,7 @@ def test_standard_input_and_json():
         (["-o", "x", RIGHT], 2, "-o belongs to --lua"),
         (["--lua", ESTOP, RIGHT], 2, "--lua takes the network"),
         (["--network", "absent.yaml", RIGHT], 1, "nothing decoded"),
-        ([ESTOP], 1, "neither a pcap nor a pcapng capture"),
+        ([ESTOP], 1, "not a packet capture (pcap, pcapng); give a capture of tcpdump"),
         (["."], 1, "it is a directory"),
     ],
 )

@@ -121,7 +121,7 @@ def test_quirk_lines_take_both_answers(folder):
 
 
 BROKEN = {
-    "no JSON": (b'{"type": "config"', r"f:1: no JSON, or cut off"),
+    "no JSON": (b'{"type": "config"', r"f:1: not valid JSON, or cut off"),
     "empty": (b"", r"f: empty; a recording begins with its configuration"),
     "binary": (b"\xff\xfe\x00\x00", r"f:1: not UTF-8"),
     "missing key": (b'{"type": "config"}\n', r"f:1: 'app_params' is missing"),

@@ -42,7 +42,7 @@ def rows(lines: Iterable[str]) -> Iterator[Row]:
             raise RecordingError("nested too deeply", number) from exc
         except ValueError as exc:
             raise RecordingError(
-                "no JSON, or cut off; a recording has an object per line", number
+                "not valid JSON, or cut off; a recording has an object per line", number
             ) from exc
         if not isinstance(row, dict):
             raise RecordingError(f"a {type(row).__name__} instead of an object", number)

@@ -12,6 +12,7 @@ from typing import cast
 
 from fsoe_net.formats.own.safety_functions import safety_functions_from_yaml
 from fsoe_net.formats.own.schema import check_structure
+from fsoe_net.formats.recognise import refuse_other
 from fsoe_net.formats.shared.files import Collector, read_bytes
 from fsoe_net.formats.shared.limits import MAX_PLAN_BYTES, MAX_RECORD_BYTES
 from fsoe_net.formats.shared.numbers import own_int, record_of
@@ -44,7 +45,7 @@ def load_acceptance(path: str | os.PathLike[str], out: Collector) -> Acceptance 
 
     Args:
         path: The file.
-        out: Takes FSN101 … FSN116, FSN162 and FSN163 with line and column.
+        out: Takes FSN101 … FSN116, FSN140, FSN162 and FSN163 with line and column.
 
     Returns:
         The record, or ``None`` if it is invalid. Whether its fingerprint is that of its plan is
@@ -57,7 +58,7 @@ def load_acceptance(path: str | os.PathLike[str], out: Collector) -> Acceptance 
 def parse_acceptance(data: bytes, file: str, out: Collector) -> Acceptance | None:
     """Read an acceptance record from the bytes of a file; see `load_acceptance`."""
     before = len(out.diagnostics)  # a key that is given twice counts
-    root = parse_yaml(data, file, out)
+    root = None if refuse_other(data, "acceptance", file, out) else parse_yaml(data, file, out)
     if root is None:
         return None
     if root.text("acceptance_record") == _WITH_FORM_1:

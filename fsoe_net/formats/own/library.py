@@ -9,8 +9,10 @@ from collections.abc import Sequence
 from importlib import resources
 
 from fsoe_net.diag.diagnostic import Diagnostic, Severity, sort_diagnostics
+from fsoe_net.diag.guesses import guesses, one_of
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.formats.own.schema import check_structure
+from fsoe_net.formats.recognise import refuse_other
 from fsoe_net.formats.shared.files import Collector, read_bytes
 from fsoe_net.formats.shared.numbers import own_int, read_float, record_of
 from fsoe_net.formats.shared.yaml_tree import MapNode, ScalarNode, SeqNode, parse_yaml
@@ -96,20 +98,33 @@ def parse_library_device(data: bytes, file: str, out: Collector) -> LibraryDevic
     Args:
         data: The YAML document.
         file: Name shown in findings.
-        out: Takes FSN102 … FSN116 for the structure, FSN141 for entries that cannot be read, FSN139
-            if the facts contradict each other.
+        out: Takes FSN102 … FSN116 and FSN140 for the structure, FSN141 for entries that cannot be
+            read, FSN139 if the facts contradict each other.
 
     Returns:
         The device, or ``None`` if it has an error.
     """
     mine = Collector()
     device = None
-    root = parse_yaml(data, file, mine)
+    root = None if refuse_other(data, "device", file, mine) else parse_yaml(data, file, mine)
     if root is not None:
         check_structure(root, "device", mine)
         if not _damaged(mine):
             device = _device(root, mine)
     if device is not None and not _damaged(mine):
+        rows: list[LibraryMapping | LibraryFigure] = [*device.mappings, *device.figures]
+        for row in rows:
+            if row.source not in device.sources:
+                near = guesses(row.source, [*device.sources])
+                mine.add(
+                    "FSN139",
+                    row.at("source"),
+                    f"{device.name}: source {row.source!r} is not among the sources",
+                    severity=Severity.ERROR,
+                    hint=f"write {one_of(near or [*device.sources])}"
+                    if device.sources
+                    else "name it in sources",
+                )
         for place, text in contradictions(device):
             mine.add(
                 "FSN139",

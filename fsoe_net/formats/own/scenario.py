@@ -281,7 +281,12 @@ def _during(during: Node | None, out: Collector) -> tuple[int, int] | None:
     if first is None or last is None:
         return None
     if first > last:
-        out.add("FSN113", during.span, "during_ms must rise", hint="write [first, last]")
+        out.add(
+            "FSN113",
+            during.span,
+            "during_ms: the end is before the start",
+            hint=f"write [{last:g}, {first:g}]",
+        )
         return None
     return round(first * 1e6), round(last * 1e6)
 

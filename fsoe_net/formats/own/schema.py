@@ -50,7 +50,7 @@ _CONFUSED = {
 
 
 _ASKED_FOR = frozenset(
-    {"acceptance", "test-record", "scenario"}
+    {"acceptance", "test-record", "scenario", "device"}
 )  # an option names the expected type
 _NAMED = {  # by their keys; the description and the consumer
     "test-record": ("a test record", "`fsoe-net report NETWORK --test-record FILE` takes it"),
@@ -58,6 +58,7 @@ _NAMED = {  # by their keys; the description and the consumer
         "an acceptance record",
         "`fsoe-net acceptance verify NETWORK --accepted FILE` takes it",
     ),
+    "device": ("a device file", "`fsoe-net init --list NAME --device-file FILE` takes it"),
     "network": ("a network", "`fsoe-net check FILE` takes it"),
     "slave": ("a slave YAML", "a network names it: `config: FILE`"),
     "answers": ("a file of answers", "`fsoe-net init --answers FILE` takes it"),
@@ -66,6 +67,7 @@ _NAMED = {  # by their keys; the description and the consumer
 _TELLTALES = (
     ("test-record", {"plan_sha256"}),
     ("acceptance", {"acceptance_record"}),
+    ("device", {"identities", "mappings"}),
     ("network", {"subdevices", "buses"}),
     ("slave", {"vendor_id", "rpdo", "tpdo"}),
     ("scenario", {"duration_s", "expect", "steps"}),
@@ -340,7 +342,7 @@ def _missing_key(node: MapNode, error: SchemaError, out: Collector) -> None:
     if any(error.key in nearest_keys(k, free) for k in itertools.islice(others, MOST_UNKNOWN)):
         return  # it is present, but misspelt
     message = f"{_where(error.path)} has no {error.key!r}"
-    hint = f"add {error.key}: {_what_to_write(properties.get(error.key, {}))}".rstrip(": ")
+    hint = f"add {error.key}{_what_to_write(properties.get(error.key, {}))}"
     if "channels" in error.path:
         message += "; the driver continues with a random value"
         out.add("FSN404", node.span, message, hint=hint)
@@ -349,8 +351,14 @@ def _missing_key(node: MapNode, error: SchemaError, out: Collector) -> None:
 
 
 def _what_to_write(schema: dict[str, Any]) -> str:
-    """Return the only valid value, or else the meaning of the value."""
-    return str(schema["const"] if "const" in schema else schema.get("description", ""))
+    """Return the only valid value after a colon, or else the meaning of the value in brackets."""
+    if "const" in schema:
+        return f": {schema['const']}"
+    meaning = str(schema.get("description", "")).partition(". ")[0].rstrip(".")
+    word = meaning.partition(" ")[0]
+    # An abbreviation keeps its capitals.
+    start = word.lower() if word[1:].islower() or word == "A" else word
+    return f" ({start}{meaning[len(word) :]})" if meaning else ""
 
 
 def _not_allowed(node: Node, error: SchemaError, out: Collector) -> None:
@@ -371,7 +379,8 @@ def _is_read_later(schema: Mapping[str, Any], node: ScalarNode) -> bool:
     if "pattern" in schema:
         return True
     is_word = node.plain and isinstance(_plain_scalar(node.text), str)
-    return is_word and schema["type"] in ("integer", "number") and "minimum" in schema
+    has_limit = "minimum" in schema or "exclusiveMinimum" in schema
+    return is_word and schema["type"] in ("integer", "number") and has_limit
 
 
 def _spells(text: str, names: Sequence[str]) -> bool:

@@ -8,9 +8,10 @@ from datetime import date
 
 from fsoe_net.diag.diagnostic import Severity, Span
 from fsoe_net.formats.own.schema import check_structure
-from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.recognise import refuse_other
+from fsoe_net.formats.shared.files import Collector, read_bytes
 from fsoe_net.formats.shared.numbers import record_of
-from fsoe_net.formats.shared.yaml_tree import MapNode, Node, load_yaml
+from fsoe_net.formats.shared.yaml_tree import MapNode, Node, parse_yaml
 from fsoe_net.model.test_record import (
     AtMachine,
     DeviceEntry,
@@ -95,13 +96,17 @@ def load_test_record(path: str | os.PathLike[str], out: Collector) -> TestRecord
 
     Args:
         path: The file.
-        out: Takes FSN101 … FSN116, FSN160 and FSN161 with line and column.
+        out: Takes FSN101 … FSN116, FSN140, FSN160 and FSN161 with line and column.
 
     Returns:
         The test record, or ``None`` when it cannot be interpreted.
     """
     before = len(out.diagnostics)  # a key that is given twice counts
-    root = load_yaml(path, out)
+    data = read_bytes(path, out)
+    file = os.fspath(path)
+    if data is None or refuse_other(data, "test-record", file, out):
+        return None
+    root = parse_yaml(data, file, out)
     if root is None:
         return None
     check_structure(root, "test-record", out)

@@ -148,7 +148,7 @@ def _opened(
             if refusal is None:
                 return open(shown, "rb")
     except FileNotFoundError:
-        refusal = "no such file", _nearest_file(shown)
+        refusal = "no such file", _nearest_file(shown, named_at)
     except PermissionError:
         refusal = "permission denied", f"chmod a+r {shown}"
     except (OSError, ValueError) as exc:
@@ -192,7 +192,7 @@ def _refuse(out: Collector, shown: str, named_at: Span | None, why: str, hint: s
         out.add("FSN133", named_at, f"cannot read the file named here, {shown!r}: {why}", hint=hint)
 
 
-def _nearest_file(shown: str) -> str:
+def _nearest_file(shown: str, named_at: Span | None) -> str:
     """Return a hint with a file of a similar name in the same folder, if there is one."""
     from fsoe_net.diag.guesses import guesses, one_of
 
@@ -205,4 +205,5 @@ def _nearest_file(shown: str) -> str:
     close = [repr(os.path.join(folder, c)) for c in guesses(name, present, cutoff=0.75)]
     if close:
         return f"there is {one_of(close)}"
-    return "check the path; relative paths start at the file that names them"
+    start = "in the current folder" if named_at is None else "at the file that names them"
+    return f"check the path; relative paths start {start}"

@@ -162,7 +162,12 @@ def parse_yaml(
     except RefusedYaml:
         return None
     if root is None or (isinstance(root, ScalarNode) and root.is_null):
-        out.add("FSN104", Span(file, 1, 1), "the document is empty", hint="nothing would be done")
+        out.add(
+            "FSN104",
+            Span(file, 1, 1),
+            "the document is empty",
+            hint="check the path, or fill in the file",
+        )
         return None
     if not isinstance(root, MapNode):
         what = "a list" if isinstance(root, SeqNode) else "a single value"
@@ -311,7 +316,7 @@ class _Builder(EventReader):
         self._out.add(
             "FSN106",
             here,
-            f"key {text!r} is given twice; the driver takes the first",
+            f"key {text!r} is given twice; the first one is used",
             hint="start a new item with `- ` here, or delete one of them"
             if top.continued
             else "delete one of them",
