@@ -116,8 +116,10 @@ def test_an_input_and_an_output_of_one_name_are_never_mistaken(master, rig):
     assert master.outputs["drive_1.position"] == 9
     assert master.inputs["drive_1.position"] == 0
     assert rig.do("get in:drive_*")[-1].split() == ["in:drive_1.position", "0"]
-    with pytest.raises(ConsoleError, match="selects inputs only"):
+    with pytest.raises(ConsoleError, match=r"drive_1\.position is an input and cannot be set"):
         rig.do("set in:drive_1.position 1")
+    with pytest.raises(ConsoleError, match="selects inputs only"):
+        rig.do("set in:drive_* 1")
     with pytest.raises(ConsoleError, match=r"no output is called drive_1\.0x6041"):
         rig.do("get out:drive_1.0x6041")
     seen = rig.do("watch drive_1.position every 10 for 100ms")

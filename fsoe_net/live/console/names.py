@@ -68,8 +68,11 @@ class SymbolNames:
 
     def outputs(self, text: str) -> list[str]:
         """Return the names of the outputs that a word selects; errors as in `some`."""
-        outputs = [s.name for s in self.some(text) if s.is_output]
+        symbols = self.some(text)
+        outputs = [s.name for s in symbols if s.is_output]
         if not outputs:
+            if len(symbols) == 1:
+                raise ConsoleError(f"{symbols[0].name} is an input and cannot be set")
             raise ConsoleError(f"{text} selects inputs only; list shows the outputs")
         return outputs
 

@@ -92,7 +92,7 @@ const char *fsn_value_parse(const struct fsn_symbol_info *symbol, const char *te
             *raw = 0;
             return NULL;
         }
-        return "one bit takes true, false, on, off, 1 or 0";
+        return "not true, false, on, off, 1 or 0";
     }
     return parse_whole(symbol, text, raw);
 }

@@ -92,6 +92,11 @@ static fsn_status read_wanted(struct fsn_request *request, const char *word, boo
     info = fsn_known_symbol(request->services->view.plan, wanted->symbol);
     const char *wrong =
         (typed ? fsn_value_parse_typed : fsn_value_parse)(&info, equals + 1, &wanted->raw);
+    if (wrong != NULL && (info.kind == FSN_KIND_BOOL || info.bits == 1)) {
+        return fsn_refusal_set(&request->refusal, FSN_E_ARG, "write true, false, on, off, 1 or 0",
+                               "%.120s is a bool: %.60s is not a valid value", info.name,
+                               equals + 1);
+    }
     if (wrong != NULL) {
         return fsn_refusal_set(&request->refusal, FSN_E_ARG, "symbols shows type and bits of each",
                                "%.120s is %u bits %s: %.60s is %s", info.name, (unsigned)info.bits,
