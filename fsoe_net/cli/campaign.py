@@ -133,7 +133,7 @@ def command(
         saved, broken = save_recordings(result, save_dir)
     # Written before an error is raised: hours of work must not be lost.
     write_report(result, saved, fmt, output, overwrite=overwrite)
-    print_end(result, elapsed_s, output)
+    print_end(result, elapsed_s, output, save_dir)
     if broken is not None:
         raise broken
     # 130 is what a shell returns after Ctrl-C.

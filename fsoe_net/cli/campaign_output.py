@@ -75,8 +75,10 @@ def save_recordings(result: CampaignResult, folder: str | None) -> tuple[Saved, 
     return saved, None
 
 
-def print_end(result: CampaignResult, elapsed_s: float, output: str | None) -> None:
-    """Print how much was done and where the report is."""
+def print_end(
+    result: CampaignResult, elapsed_s: float, output: str | None, save_dir: str | None
+) -> None:
+    """Print how much was done, where the report is, and the next step after a failure."""
     done = sum(row.injected for row in result.classes)
     rate = f"{done / elapsed_s:.0f}" if elapsed_s > 0 else "?"
     echo(f"{done} faults in {elapsed_s:.1f} s, {rate} per second", err=True)
@@ -84,3 +86,8 @@ def print_end(result: CampaignResult, elapsed_s: float, output: str | None) -> N
         echo(f"report written to {output}", err=True)
     if result.interrupted:
         echo("interrupted: the report holds what was done until then", err=True)
+    if not result.passed and not result.interrupted:
+        step = f"`fsoe-net campaign --replay {save_dir}/*.jsonl` shows each failure"
+        if save_dir is None:
+            step = "repeat it with --save-dir DIR; it records each failure for --replay"
+        echo(f"next: {step}", err=True)

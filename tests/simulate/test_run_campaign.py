@@ -254,7 +254,7 @@ def test_json_to_a_file(fsn, tmp_path):
 @pytest.mark.uncounted
 def test_a_broken_device(fsn, tmp_path):
     folder = tmp_path / "traces"
-    code, out, _ = fsn(
+    code, out, err = fsn(
         *(NETWORK, "--faults", "corruption", "--cycles", "60", "--save-dir", str(folder)),
         *("--sub", "fsoe.devices:ignores_crc", "--format", "json"),
     )
@@ -262,9 +262,10 @@ def test_a_broken_device(fsn, tmp_path):
     (row,) = json.loads(out)["classes"]
     assert row["wrongly_accepted"] > 10
     assert [case["trace"] for case in row["failures"]] == [str(p) for p in _in_order(folder)]
-    assert (
-        "FAILED" in fsn(NETWORK, "--faults", "corruption", "--sub", "fsoe.devices:ignores_crc")[1]
-    )
+    assert f"next: `fsoe-net campaign --replay {folder}/*.jsonl`" in err
+    _, out, err = fsn(NETWORK, "--faults", "corruption", "--sub", "fsoe.devices:ignores_crc")
+    assert "FAILED" in out
+    assert "next: repeat it with --save-dir DIR" in err
 
 
 def _in_order(folder):
