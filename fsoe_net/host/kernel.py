@@ -66,7 +66,7 @@ def _preemption(host: Host) -> Iterator[MachineFacts]:
     else:
         yield MachineFacts(
             level=MachineLevel.WARNING,
-            text=f"preemption {model}: the kernel gives a CPU back only where it likes",
+            text=f"preemption {model}: a thread in the kernel is not interrupted everywhere",
             now=("echo full > /sys/kernel/debug/sched/preempt",) if "DYNAMIC" in version else (),
             keep=(_RT, "or at least: " + _GRUB.format("preempt=full")),
         )

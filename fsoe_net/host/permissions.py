@@ -78,7 +78,7 @@ def _capabilities(host: Host, *, program: str | None) -> Iterator[MachineFacts]:
     if program is None:
         yield MachineFacts(
             level=MachineLevel.WARNING,
-            text=f"{PROGRAM} is not there",
+            text=f"{PROGRAM} is not installed",
             now=("fsoe-net install-master",),
             keep=("FSN_MASTER=PATH names one elsewhere",),
         )
@@ -219,7 +219,8 @@ def permission_checks(program: str | None) -> tuple[Check, ...]:
         Check(
             name="master.capabilities",
             why="CAP_NET_RAW opens the interface, CAP_SYS_NICE gives SCHED_FIFO, CAP_IPC_LOCK "
-            "keeps memory from being swapped. With them root is not needed, so mistakes do less.",
+            "keeps memory from being swapped. With them root is not needed, which limits the "
+            "damage of a mistake.",
             look=partial(_capabilities, program=program),
         ),
         Check(

@@ -99,15 +99,16 @@ def connection_is_due(c: Connection, network: NetworkConfig, present: Collection
 def _trigger(function: SafetyFunction) -> TestStep:
     required = function.required_reaction_ms
     inputs = _parts(function, ElementKind.INPUT)
+    trigger = function.trigger or f"{function.name} at {inputs}"
     bits = [words for e in function.elements for words in bit_words(e)]
     watched = f" Safe bits to watch: {'; '.join(bits)}." if bits else ""
     return TestStep(
         id=f"trigger {function.name}",
         kind=StepKind.TRIGGER,
         subject=function.name,
-        what=f"Outputs on. {function.trigger or f'Trigger {function.name} at {inputs}'}.{watched}",
-        expected=f"{function.reaction or 'The outputs go off'}; stays so when the trigger is "
-        "taken back, until a reset is pressed.",
+        what=f"Switch the outputs on. Then cause the trigger: {trigger}.{watched}",
+        expected=f"{function.reaction or 'The outputs go off'}. This remains after the trigger has "
+        "ended, until a reset is pressed.",
         limit_ms=required,
         limit_source="" if required is None else "required reaction time of the network file",
     )
@@ -122,8 +123,9 @@ def _loss(name: str, connections: Sequence[Connection]) -> TestStep:
     if not connections:
         expected = f"{name} has no FSoE end: no output comes on; note what the connections do."
     else:
+        leave = "leaves" if len(connections) == 1 else "leave"
         expected = (
-            f"{', '.join(c.name for c in connections)} leave Data; the outputs of their logic "
+            f"{', '.join(c.name for c in connections)} {leave} Data; the outputs of the logic "
             f"go off and stay off when {name} is back, until a reset is pressed."
         )
     # The largest watchdog is a limit only if all of them are stated.
@@ -132,7 +134,7 @@ def _loss(name: str, connections: Sequence[Connection]) -> TestStep:
         id=f"loss {name}",
         kind=StepKind.LOSS,
         subject=name,
-        what=f"Outputs on. Take {name} off the bus; then put it back.",
+        what=f"Switch the outputs on. Take {name} off the bus; then put it back.",
         expected=expected,
         limit_ms=2.0 * max(watchdogs) if whole else None,
         limit_source="twice the longest watchdog of its connections" if whole else "",
@@ -145,8 +147,8 @@ def _fault(name: str) -> TestStep:
         kind=StepKind.FAULT,
         subject=name,
         what=f"Put faults of class {name} into every connection (see the fault catalogue).",
-        expected="No wrong frame is accepted but where its CRCs fit by accident, and these are not "
-        "more than the CRC allows.",
+        expected="No wrong frame is accepted, except where all its CRCs match by chance; these are "
+        "not more than the CRC allows.",
     )
 
 

@@ -437,9 +437,13 @@ def test_the_time_that_devices_stood_still():
     ("change", "key", "value"),
     [
         ({"subject": "x"}, "subject", "estop"),
-        ({"what": "x"}, "do", "Outputs on. emergency stop button ES1 is pressed."),
-        ({"expected": "x"}, "expect", "contactor K1 opens; stays so when the trigger is taken "
-         "back, until a reset is pressed."),
+        (
+            {"what": "x"},
+            "do",
+            "Switch the outputs on. Then cause the trigger: emergency stop button ES1 is pressed.",
+        ),
+        ({"expected": "x"}, "expect", "contactor K1 opens. This remains after the trigger "
+         "has ended, until a reset is pressed."),
         ({"limit_ms": 1.0}, "limit_ms", 300.0),
     ],
 )  # fmt: skip

@@ -32,7 +32,7 @@ def test_steps_of_functions_connections_devices_and_faults() -> None:
     ]
     assert ids[6:] == [f"fault {name}" for name in CATALOGUE]
     assert by_id(test_record)["loss io"].expected == (
-        "logic-io leave Data; the outputs of their logic go off and stay off when io is back, "
+        "logic-io leaves Data; the outputs of the logic go off and stay off when io is back, "
         "until a reset is pressed."
     )
     trigger = by_id(test_record)["trigger estop"]
