@@ -312,7 +312,7 @@ def other_document(data: bytes, kind: str) -> tuple[str, str] | None:
 def refuse_other(data: bytes, kind: str, file: str, out: Collector) -> bool:
     """Report FSN140 for a file that cannot be this YAML document of fsoe-net."""
     is_yaml = (found := recognise(data)) is not None and found.kind == "yaml"
-    # `check_structure` tells the YAML documents apart by their keys.
+    # `check_structure` distinguishes the YAML documents by their keys.
     other = None if is_yaml else other_document(data, kind)
     if other is not None:
         out.add("FSN140", Span(file, 1, 1), other[0], hint=other[1])
