@@ -101,11 +101,8 @@ class CaptureReader:
                 from fsoe_net.formats.recognise import other_document  # imports all formats
 
                 other = other_document(head + self._stream.peek(), "capture")
-                what, step = other or (
-                    "neither a pcap nor a pcapng capture",
-                    "is it the right file?",
-                )
-                raise InputError(f"{self._name}: {what}; {step}")
+                what = "; ".join(other) if other else "neither a pcap nor a pcapng capture"
+                raise InputError(f"{self._name}: {what}")
         except (_DamageError, gzip.BadGzipFile, zlib.error, EOFError) as exc:
             raise InputError(
                 f"{self._name}: damaged after packet {self.packets} ({exc or 'cut short'}); "
