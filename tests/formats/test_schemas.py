@@ -28,7 +28,10 @@ from fsoe_net.formats.shared.files import Collector
 # that its month has, a step that is not done at the machine, the bits of another entry, keys of one
 # bus beside several, groups beside several buses.
 BETWEEN_KEYS = {"FSN133", "FSN164", "FSN165", "FSN228", "FSN161", "FSN422"}
-ORDER = [("FSN113", f"{key} must rise") for key in ("during_ms", "limits_rev", "home_switch_rev")]
+ORDER = [
+    ("FSN113", "during_ms: the end is before the start"),
+    *(("FSN113", f"{key} must rise") for key in ("limits_rev", "home_switch_rev")),
+]
 
 
 NAMES = [
