@@ -44,7 +44,7 @@ bool fsn_ring_judge(struct fsn_ring_watch *watch, const struct fsn_ring_counts *
     watch->bad = closed ? 0 : watch->bad + 1;
     if (closed || watch->bad >= patience) {
         memcpy(watch->ring.ways, ways, sizeof ways);
-        static const enum fsn_ring state[] = {FSN_RING_OPEN, FSN_RING_ONE_WAY, FSN_RING_CLOSED};
+        static const uint8_t state[] = {FSN_RING_OPEN, FSN_RING_ONE_WAY, FSN_RING_CLOSED};
         adopt(&watch->ring, state[ways[0] + ways[1]]);
     }
     return true;
