@@ -69,11 +69,6 @@ class ControlRefused(EnvironmentFault):
         return self.status == "FSN_E_BUSY"
 
 
-def _visible(text: str) -> str:
-    """Return a text without characters that act on a terminal: names of files may have them."""
-    return "".join(c if c.isprintable() else f"\\u{ord(c):04x}" for c in text)
-
-
 class InputError(FsnError):
     """A file was rejected as a whole.
 
@@ -90,26 +85,19 @@ class InputError(FsnError):
         self.diagnostics = tuple(diagnostics)
         # Shown below a traceback: a notebook or a script needs no further call to see the mistake.
         for first in self.diagnostics[:1]:
-            self.add_note(_visible(f"{first.span}: {first.code}: {first.message}"))
-            if first.hint:
-                self.add_note(_visible(f"next step: {first.hint}"))
+            self.add_note(str(first))
 
 
 class FilePresent(InputError):
-    """A file exists and is kept.
+    """A file exists and is kept; each user interface adds how to replace it.
 
     Args:
         path: The file.
     """
 
     def __init__(self, path: object) -> None:
-        self._kept = f"nothing written: {path} exists; name another file, or replace it with "
-        super().__init__(f"{self._kept}overwrite=True")
-
-    @property
-    def on_command_line(self) -> str:
-        """The message with the option of the command line instead of the Python argument."""
-        return f"{self._kept}--overwrite"
+        super().__init__(f"nothing written: {path} exists; name another file, or replace it")
+        self.add_note("overwrite=True replaces it")
 
 
 class PlanFormatError(InputError):

@@ -82,7 +82,8 @@ def test_a_traceback_shows_the_first_finding(tmp_path):
     path = (folder / "04_size.yaml").rename(folder / "a\x1b[2Jb.yaml")
     with pytest.raises(fsoe_net.InputError) as refused:
         fsoe_net.load(path).compile()
-    where, what = refused.value.__notes__
+    (note,) = refused.value.__notes__
+    where, what = note.split("\n")
     assert where.startswith(f"{folder}/a\\u001b[2Jb.yaml:17:15: FSN209: size 7 ")
     assert what == "next step: write size: 6"
 
@@ -202,8 +203,9 @@ def test_kept_file_is_reported_with_the_argument_of_the_caller(tmp_path):
     network = EXAMPLES / "estop" / "network.yaml"
     plan = fsoe_net.load(network).compile()
     plan.save(path)
-    with pytest.raises(fsoe_net.InputError, match=r"exists; .* replace it with overwrite=True$"):
+    with pytest.raises(fsoe_net.InputError, match=r"exists; .* replace it\n") as kept:
         plan.save(path)
+    assert kept.value.__notes__ == ["overwrite=True replaces it"]
     plan.save(path, overwrite=True)
     command = fsn("plan", str(network), "-o", str(path))
     assert command.returncode == 1

@@ -169,8 +169,8 @@ def main() -> None:
     except InputError as exc:
         from fsoe_net.cli.output import print_diagnostics
 
-        message = exc.on_command_line if isinstance(exc, FilePresent) else exc
-        echo(f"error: {message}", err=True)
+        option = " with --overwrite" if isinstance(exc, FilePresent) else ""
+        echo(f"error: {exc}{option}", err=True)
         print_diagnostics(exc.diagnostics, err=True)
         sys.exit(exc.exit_code)
     except FsnError as exc:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from fsoe_net.diag.catalogue import code_info
+from fsoe_net.diag.printable import printable
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -124,6 +125,10 @@ class Diagnostic:
             object.__setattr__(self, "severity", default)
         for name in ("message", "hint"):
             object.__setattr__(self, name, _shortened(getattr(self, name)))
+
+    def __str__(self) -> str:
+        text = printable(f"{self.span}: {self.code}: {self.message}")
+        return f"{text}\nnext step: {printable(self.hint)}" if self.hint else text
 
     @property
     def level(self) -> Severity:

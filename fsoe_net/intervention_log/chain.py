@@ -139,7 +139,7 @@ class Readable(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogFilter:
-    """Selects entries by time, events, and user or program; and how many of the newest.
+    """Selects the newest entries by time, event, and user or program.
 
     Attributes:
         since: Earliest time; entries without a time never match.

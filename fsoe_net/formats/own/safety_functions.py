@@ -52,7 +52,7 @@ def _function(node: MapNode, out: Collector) -> SafetyFunction | None:
 
 
 def _level(node: Node | None, source: str, out: Collector) -> tuple[str, int | None]:
-    """Return PL and SIL of a required or claimed level; empty and ``None`` if not stated.
+    """Return PL (or an empty text) and SIL (or ``None``) of a required or claimed level.
 
     Args:
         node: The value of ``required`` or ``claim``.
