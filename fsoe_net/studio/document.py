@@ -12,9 +12,10 @@ from fsoe_net.diag.printable import printable
 from fsoe_net.document.model import outward
 from fsoe_net.model.bus import Device, SubDevice
 from fsoe_net.model.description import DescribedSubDevice
+from fsoe_net.model.kinds import kind_of
 from fsoe_net.model.layout import FramePair
 from fsoe_net.model.library import Library
-from fsoe_net.model.library_fill import library_role
+from fsoe_net.model.library_fill import library_device, library_role
 from fsoe_net.model.network import NetworkConfig
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.model.scan import Scan
@@ -145,8 +146,14 @@ def _subdevice(
     is_main = any(net.safety_master == sub.name for net in resolution.network.nets)
     is_sub = any(row.sub is sub for row in resolution.connections)
     device, groups = sub.device, resolution.network.groups
+    likely = "" if device is None else _likely_role(device, pairs, library)
+    known = None if device is None else library_device(DescribedSubDevice(device=device), library)
+    is_logic = is_main or (likely == "main" and not is_sub)
     return {
         "name": sub.name,
+        "kind": kind_of(sub, is_main=is_logic).value,
+        "type": "" if known is None else known.name,
+        "about": "" if known is None else known.about,
         "position": sub.position,
         "alias": sub.alias,
         "bus": sub.master_id,
@@ -155,7 +162,7 @@ def _subdevice(
         # If it is in use, the role is a fact in the file; `likely` is a guess for an unconnected
         # SubDevice.
         "role": _ROLES[is_main, is_sub],
-        "likely": "" if device is None else _likely_role(device, pairs, library),
+        "likely": likely,
         "device": "" if device is None else device.path,
         "identity": ""
         if device is None

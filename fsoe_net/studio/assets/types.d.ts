@@ -11,8 +11,15 @@ export interface Pair {
   connection: number | null;
 }
 
+/** See fsoe_net/model/kinds.py. */
+export type SubDeviceKind = "coupler" | "terminal" | "drive" | "logic";
+
 export interface SubDevice {
   name: string;
+  kind: SubDeviceKind;
+  /** Order number and description in the device library; empty: it is not there. */
+  type: string;
+  about: string;
   position: number;
   alias: number;
   bus: number;
