@@ -1,10 +1,9 @@
 """Whole results of files that are changed in one place: what a reader or a check makes of each.
 
 A test gives the result of each change as a text without sentences: of findings the codes, levels,
-places and edits, of other texts the figures. How many results there are, how many findings they
-have and the digest of all of them are one line of `changed.txt` next to the test; a message may be
-reworded without a change there. To see what differs, run the test before and after a change of the
-code:
+places and edits, of other texts the figures. One line of `changed.txt` next to the test holds them;
+a message may be reworded without a change there. To see what differs, run the test before and after
+a change of the code:
 
     FSN_CHANGED=/tmp/before python -m pytest -k each_change tests     # with the code as it was
     FSN_CHANGED=/tmp/after python -m pytest -k each_change tests
@@ -152,13 +151,37 @@ def _fields_of(kind: type) -> tuple[str, ...] | None:
 
 
 def compare(test: str, name: str, results: Iterable[tuple[str, str]]) -> None:
-    """Compare the results of all changes with the recorded line; `test` is the test's file."""
-    path = Path(test).parent / "changed.txt"
+    """Compare each result with the recorded one, by a digest; `test` is the test's file."""
     whole = dict(results)
-    text = "".join(f"== {change}\n{said}\n" for change, said in whole.items())
-    text = text.replace(f"{Path.cwd()}/", "")
+    text = _all_of(whole)
     digest = hashlib.sha256(text.encode()).hexdigest()[:16]
-    row = f"{name}: {len(whole)} results, {len(_FINDING.findall(text))} findings, {digest}"
+    _recorded(test, name, f"{len(whole)} results, {_findings_in(text)} findings, {digest}", text)
+
+
+def count(test: str, name: str, results: Iterable[tuple[str, str]]) -> None:
+    """Compare how many results differ from each other, and how many findings they have.
+
+    A reader that ignores a value, or a rule that no longer reports, lowers a number. A new field of
+    a model changes none.
+    """
+    whole = dict(results)
+    text = _all_of(whole)
+    distinct = len(set(whole.values()))
+    row = f"{len(whole)} changes, {distinct} distinct results, {_findings_in(text)} findings"
+    _recorded(test, name, row, text)
+
+
+def _all_of(results: Mapping[str, str]) -> str:
+    text = "".join(f"== {change}\n{result}\n" for change, result in results.items())
+    return text.replace(f"{Path.cwd()}/", "")
+
+
+def _findings_in(text: str) -> int:
+    return len(_FINDING.findall(text))
+
+
+def _recorded(test: str, name: str, counts: str, text: str) -> None:
+    path, row = Path(test).parent / "changed.txt", f"{name}: {counts}"
     if "FSN_CHANGED" in os.environ:
         shown = Path(os.environ["FSN_CHANGED"]) / path.parent.name / f"{name}.txt"
         shown.parent.mkdir(parents=True, exist_ok=True)
@@ -174,7 +197,7 @@ def _rows(text: str) -> dict[str, str]:
 
 
 def _record(path: Path, name: str, row: str) -> None:
-    """Write one line anew; several processes may do so at once."""
+    """Write one line; several processes may do so at once."""
     with path.open("a+", encoding="utf-8") as file:
         flock(file, LOCK_EX)
         file.seek(0)
