@@ -197,7 +197,7 @@ def _counts_text(d: DirectionSnapshot) -> str:
             n / 1e6 for n in (d.interval_min_ns, d.interval_mean_ns, d.interval_max_ns)
         )
         text += f"; every {low:.3f} … {mean:.3f} … {high:.3f} ms"
-    if d.resets:
+    if d.has_reset:
         text += f"; {counted(d.resets, 'reset')}, last {d.reset_code}: "
         text += reset_code_text(d.reset_code)
     return text
@@ -354,7 +354,7 @@ def _counts_json(d: DirectionSnapshot) -> dict[str, object]:
         "wrong": d.wrong,
         "unchecked": d.unchecked,
         "resets": d.resets,
-        "reset_code": d.reset_code if d.resets else None,
+        "reset_code": d.reset_code if d.has_reset else None,
         "cycle_ms": {
             "min": d.interval_min_ns / 1e6,
             "mean": d.interval_mean_ns / 1e6,

@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 
 from fsoe_net.fsoe.observed import ConnectionState
 from fsoe_net.fsoe.parameters import NOT_OBSERVED, FsoeParameters
+from fsoe_net.fsoe.pdu import Command
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -150,6 +151,11 @@ class DirectionSnapshot:
     intervals: int
 
     @property
+    def has_reset(self) -> bool:
+        """Whether a Reset was observed, also that of a start: ``reset_code`` is valid."""
+        return self.resets > 0 or self.command == Command.RESET
+
+    @property
     def interval_mean_ns(self) -> int:
         """The mean of all intervals; 0 if there are none."""
         return self.interval_sum_ns // self.intervals if self.intervals else 0
@@ -177,11 +183,11 @@ class ConnectionSnapshot:
 
     @property
     def resets(self) -> int:
-        """Resets on the wire since the bus was opened, without the one at the start.
+        """Resets on the wire since the bus was opened; the first frame of a start is not counted.
 
         Each Reset is answered by a Reset of the other end, so the larger of the two counts is used.
         """
-        return max(self.to_sub.resets - 1, self.to_main.resets - 1, 0)
+        return max(self.to_sub.resets, self.to_main.resets)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -35,7 +35,7 @@ class WatchedConnection:
 
     Attributes:
         result: The connection as in the result of a run.
-        resets_to_sub: Resets sent by the main, including answers and those at the start.
+        resets_to_sub: Resets sent by the main after another command, including answers.
         resets_to_main: Resets sent by the sub.
         cause: Cause of the last Reset in words, with the end that began it, if observed.
         watchdog_share: Longest FSoE cycle as a share of the watchdog; ``None`` if unknown.
@@ -319,7 +319,7 @@ def _cause(name: str, wire: ConnectionSnapshot, events: BusEvents) -> str:
         text = reset_code_text(events.last_reset[name])
         return f"{events.last_reset_by.get(name, 'one end')}: {text}"
     rows = ((ENDS["main"], wire.to_sub), (ENDS["sub"], wire.to_main))
-    sent = [(end, d.reset_code) for end, d in rows if d.resets]
+    sent = [(end, d.reset_code) for end, d in rows if d.has_reset]
     # Reset code 0 is the plain reset of a start; the end that gives a reason is the cause.
     reported = [row for row in sent if row[1]] or sent
     if len(reported) == 2 and reported[0][1] == reported[1][1]:

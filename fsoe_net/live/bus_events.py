@@ -110,9 +110,9 @@ def connection_result(
     name = facts.name
     down, up = wire.to_sub, wire.to_main
     code = events.last_reset.get(name)
-    if code is None and wire.resets:
+    sent = [d.reset_code for d in (down, up) if d.has_reset]
+    if code is None and sent:
         # A Reset while the other end is silent does not change the state, so no event reports it.
-        sent = [d.reset_code for d in (down, up) if d.resets]
         code = next((c for c in sent if c), sent[0])
     to_data = events.to_data_ns.get(name)
     in_data = wire.state.in_data

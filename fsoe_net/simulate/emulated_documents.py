@@ -59,7 +59,7 @@ def _histogram(h: Histogram) -> dict[str, Any]:
 def _direction(d: DirectionSnapshot) -> dict[str, Any]:
     return _counters(d) | {
         "command_text": command_text(d.command) if d.command else "",
-        "reset_text": reset_code_text(d.reset_code) if d.resets else "",
+        "reset_text": reset_code_text(d.reset_code) if d.has_reset else "",
     }
 
 

@@ -90,7 +90,7 @@ static void monitor_follows_a_connection(void) {
         CHECK(connection(&rig).observed == (uint32_t)steps[i].observed);
     }
     const struct fsn_connection_status c = connection(&rig);
-    CHECK(c.direction[0].frames == 8 && c.direction[0].resets == 1);
+    CHECK(c.direction[0].frames == 8 && c.direction[0].resets == 0);
     CHECK(c.direction[0].reset_code == 5 && c.direction[0].connection_id == 7);
     CHECK(c.direction[0].process_data == 2 && c.direction[0].failsafe_data == 1);
     CHECK(c.direction[0].interval_last_ns == 1000000 && c.direction[0].intervals == 2);

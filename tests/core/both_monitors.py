@@ -48,7 +48,7 @@ class Counts:
         right: Of these, frames whose CRCs fit the chain.
         wrong: Of these, frames with a CRC that does not fit.
         unchecked: Of these, frames seen while the chain was not known.
-        resets: Times a Reset began: Reset after another command.
+        resets: How often a Reset followed another command.
         command: First byte of the last frame.
         connection_id: Last two bytes of the last frame.
         reset_code: Code in the last Reset.
@@ -100,8 +100,8 @@ def _count(counts: Counts, pdu: Pdu, now_ns: int) -> None:
     counts.frames += 1
     counts.last_new_ns = now_ns
     if pdu.command == Command.RESET:
-        # One Reset may be several frames in a row; only its begin counts.
-        counts.resets += counts.command != Command.RESET
+        # One Reset may be several frames in a row; only the first counts, and none of a start.
+        counts.resets += counts.frames > 1 and counts.command != Command.RESET
         counts.reset_code = pdu.safe_data[0]
     counts.command = pdu.command
     counts.connection_id = pdu.connection_id

@@ -60,7 +60,7 @@ def test_states_events_and_cycle_time() -> None:
         rig.cycle(4)
     (seen,) = rig.core.snapshot().connections
     assert seen.state is ConnectionState.DATA_PROCESS
-    assert (seen.to_sub.frames, seen.to_sub.resets, seen.to_sub.reset_code) == (5, 1, 5)
+    assert (seen.to_sub.frames, seen.to_sub.resets, seen.to_sub.reset_code) == (5, 0, 5)
     assert (seen.to_sub.process_data, seen.to_sub.failsafe_data) == (2, 1)
     assert (seen.to_sub.command, seen.to_sub.connection_id) == (0x36, 7)
     assert seen.to_sub.interval_min_ns == seen.to_sub.interval_max_ns == 4_000_000

@@ -56,6 +56,16 @@ def test_lengths_no_frame_has(length):
     assert not frame_fits(bytes(length), 0, 1)
 
 
+@pytest.mark.parametrize(("begin", "resets"), [("", 0), ("36 11 22 33 07 00", 1)])
+def test_a_reset_counts_unless_the_direction_starts_with_it(begin, resets):
+    """A monitor that begins in Data, as after a takeover, counts the first Reset it observes."""
+    monitor = Monitor(1, 1)
+    for n, text in enumerate((begin, "2a 05 01 02 00 00", "2a 00 03 04 00 00")):
+        if text:
+            monitor.frame(TO_MAIN, bytes.fromhex(text), n)
+    assert monitor.counts(TO_MAIN).resets == resets
+
+
 def frames_of(out, inn, cycles, seed=0, **changes):
     """Frames of a pair in the order sent, with its direction; one local reset on the way."""
     rng = random.Random(seed)
@@ -204,7 +214,7 @@ def test_counts_resets_and_their_codes():
     both.frame(TO_MAIN, reset("2a0000 c42d 0000"))
     both.frame(TO_SUB, reset("2a0400 a634 0000"))
     counts = both.python.counts(TO_SUB)
-    assert (counts.resets, counts.reset_code, counts.right) == (1, 4, 2)
+    assert (counts.resets, counts.reset_code, counts.right) == (0, 4, 2)
     assert both.python.state is ConnectionState.RESET
     assert both.frame(TO_SUB, reset("2a0400 a635 0000")) is CrcVerdict.WRONG
 

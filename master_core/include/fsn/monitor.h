@@ -42,7 +42,7 @@ struct fsn_direction {
     uint64_t right;         /**< of the frames, those whose CRCs match the chain */
     uint64_t wrong;         /**< of the frames, those with a CRC that does not match */
     uint64_t unchecked;     /**< of the frames, those received while the chain was unknown */
-    uint64_t resets;        /**< how often a Reset began: Reset after another command */
+    uint64_t resets;        /**< how often a Reset followed another command */
     uint64_t last_new_ns;   /**< time of the last new frame */
     uint64_t interval_last_ns, interval_min_ns, interval_max_ns; /**< between new data frames */
     uint64_t interval_sum_ns, intervals;

@@ -61,8 +61,9 @@ static void count_frame(struct fsn_direction *d, const uint8_t *frame, uint32_t 
     d->process_data += frame[0] == FSN_CMD_PROCESS_DATA;
     d->failsafe_data += frame[0] == FSN_CMD_FAILSAFE_DATA;
     if (frame[0] == FSN_CMD_RESET) {
-        /* One Reset may be several consecutive frames; only the first one counts. */
-        d->resets += d->command != FSN_CMD_RESET;
+        /* One Reset may be several consecutive frames; only the first one counts. A direction that
+         * begins with a Reset has just started: no connection has dropped. */
+        d->resets += d->frames > 1 && d->command != FSN_CMD_RESET;
         d->reset_code = frame[1];
     }
     d->command = frame[0];

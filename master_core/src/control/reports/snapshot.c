@@ -87,7 +87,8 @@ static void put_direction(struct fsn_json *json, const char *key, const struct f
     fsn_json_put_u64(json, "command", d->command);
     fsn_json_put_text(json, "command_text", fsn_command_name(d->command));
     fsn_json_put_u64(json, "reset_code", d->reset_code);
-    fsn_json_put_text(json, "reset_text", d->resets > 0 ? fsn_reset_text(d->reset_code) : "");
+    const bool has_reset = d->resets > 0 || d->command == FSN_CMD_RESET;
+    fsn_json_put_text(json, "reset_text", has_reset ? fsn_reset_text(d->reset_code) : "");
     fsn_json_close(json, '}');
 }
 
