@@ -28,6 +28,7 @@ Examples:
   fsoe-net check network.yaml
   fsoe-net check --fix              # shows the changes, then asks
   fsoe-net check robot.urdf.xacro --package my_robot=src/my_robot
+  fsoe-net check robot.urdf.xacro controllers.yaml
   fsoe-net check transfers.yaml --runtime ros2-2026-08
   fsoe-net check network.yaml machine.eni.xml Beckhoff*.xml TwinSAFE-Project.xml
   fsoe-net check network.yaml --interface eth1    # also the bus

@@ -196,6 +196,10 @@ FSN473 warning fixed target position
 FSN474 warning mode of operation that is not read back
 FSN475 error   drive plugin waits for a mode of operation that is not read
 FSN476 warning interface of a robot that no channel provides
+FSN477 warning interface that a controller needs and the robot lacks
+FSN478 warning update rate that differs from the control frequency
+FSN479 info    command interface that two controllers claim
+FSN480 info    controllers whose interfaces are not checked
 FSN501 error   SubDevice is missing on the bus
 FSN502 warning SubDevice on the bus that is not in the network
 FSN503 error   SubDevices on the bus are in another order

@@ -10,6 +10,7 @@ from functools import cached_property
 
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.model.bus import Located, SubDevice
+from fsoe_net.model.robot import Robot
 from fsoe_net.model.safety import SafetyFunction
 
 MOST_COMBINATIONS = 64
@@ -126,7 +127,8 @@ class NetworkConfig(Located):
     declared in a file that was not given, so unknown names are not errors. ``project`` is the
     heading of reports; empty if not stated. ``buses``: at least two, numbered by ``master_id`` of
     the SubDevices, or empty if the file has one bus; ``cycle_ns`` is that of the first bus.
-    ``groups``: SubDevices that may be absent; all others are always present.
+    ``groups``: SubDevices that may be absent; all others are always present. ``robot``: the robot
+    description with its controllers, if files of controllers were given.
     """
 
     name: str
@@ -139,6 +141,7 @@ class NetworkConfig(Located):
     partial: bool = False
     buses: tuple[Bus, ...] = ()
     groups: tuple[Group, ...] = ()
+    robot: Robot | None = None
 
     def group_of(self, subdevice: str) -> Group | None:
         """Return the group of a SubDevice, or ``None`` if it is always present."""

@@ -8,6 +8,7 @@ from fsoe_net.model.resolve import Resolution
 from fsoe_net.rules.bus import check_bus
 from fsoe_net.rules.connections import check_connections, check_drivers
 from fsoe_net.rules.context import Context
+from fsoe_net.rules.controllers import check_controllers
 from fsoe_net.rules.devices import check_devices
 from fsoe_net.rules.drives import check_drives
 from fsoe_net.rules.frames import check_frames
@@ -32,6 +33,7 @@ def check(resolution: Resolution, *, runtime: Runtime = Runtime.FSN) -> list[Dia
     check_devices(ctx)
     check_drives(ctx)
     check_interfaces(ctx)
+    check_controllers(ctx)
     check_bus(ctx)
     check_groups(ctx)
     check_connections(ctx)

@@ -130,6 +130,7 @@ OTHERS = ["cell.eni.xml", "coupler.xml", "safety.xml", "slaves.txt"]
         ["network.yaml"],
         ["timed.yaml"],
         ["robot.urdf"],
+        ["robot.urdf", "controllers.yaml"],
         ["devices/drive.yaml"],
         ["network.yaml", *OTHERS],
     ],

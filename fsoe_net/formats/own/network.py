@@ -30,6 +30,7 @@ from fsoe_net.formats.own.schema import (
 )
 from fsoe_net.formats.own.slave_yaml import device_from_yaml, load_device
 from fsoe_net.formats.own.transfers import ModuleRow, modules_from_yaml, nets_from_yaml
+from fsoe_net.formats.ros2_controllers.read import is_controllers, read_controllers
 from fsoe_net.formats.shared.files import Collector, is_there, read_bytes
 from fsoe_net.formats.shared.numbers import own_int
 from fsoe_net.formats.shared.ring import fits_on_bus
@@ -37,6 +38,7 @@ from fsoe_net.formats.shared.yaml_tree import MapNode, SeqNode, parse_yaml
 from fsoe_net.model.bus import Device, SubDevice
 from fsoe_net.model.drives import with_mode
 from fsoe_net.model.network import Net, NetworkConfig
+from fsoe_net.model.robot import Robot
 
 if TYPE_CHECKING:
     from fsoe_net.formats.ros2.urdf_system import DriverSystem, ModuleDecl
@@ -98,6 +100,8 @@ class _Assembly:
         self._slaves: list[tuple[str, Device | None]] = []
         self._urdf: str | None = None
         self._systems: tuple[DriverSystem, ...] = ()
+        self._robot = Robot()
+        self._controllers: list[MapNode] = []
         self._relative_named: set[str] = set()
 
     def add(self, path: str) -> None:
@@ -126,6 +130,8 @@ class _Assembly:
         elif kind == "transfers":
             if check_structure(root, "transfers", self.out):
                 self._transfer_files.append(_Yaml(path, root))
+        elif kind == "controllers":
+            self._controllers.append(root)
         elif kind == "slave":
             self._slaves.append((path, device_from_yaml(root, path, self.out)))
 
@@ -142,6 +148,7 @@ class _Assembly:
             if row not in self.out.sources:
                 self.out.sources.append(row)
         self._systems = self._of_master(result.systems, path)
+        self._robot = Robot(components=result.components, is_closed=result.is_closed)
 
     def _of_master(self, systems: tuple[DriverSystem, ...], path: str) -> tuple[DriverSystem, ...]:
         """Return the systems of the requested master, or all."""
@@ -177,6 +184,8 @@ class _Assembly:
             return None
         if "subdevices" in root.pairs or "buses" in root.pairs:
             return "network"
+        if is_controllers(root):
+            return "controllers"
         # `nets` is a key of both kinds; a file with nothing else is a transfer YAML.
         best = max(scores, key=lambda k: (scores[k], k == "transfers"))
         if scores[best]:
@@ -202,6 +211,13 @@ class _Assembly:
 
     def finish(self) -> NetworkConfig | None:
         """Build the network from the content read."""
+        if self._controllers and self._urdf is None:
+            self.out.add(
+                "FSN117",
+                self._controllers[0].span,
+                "controllers are checked next to a robot description only",
+                hint="name the URDF or xacro of the robot too",
+            )
         if self._network_file is not None:
             return self._from_network_file(self._network_file)
         if self._urdf is not None:
@@ -327,7 +343,14 @@ class _Assembly:
             cycle_ns=cycle_ns,
             subdevices=tuple(subs),
             nets=nets,
+            robot=self._with_controllers(),
         )
+
+    def _with_controllers(self) -> Robot | None:
+        if not self._controllers:
+            return None
+        rates, controllers = read_controllers(self._controllers, self.out)
+        return replace(self._robot, update_rates=rates, controllers=controllers)
 
     def _transfer_file_of(self, system: DriverSystem) -> _Yaml | None:
         if system.transfer_file is None or self._transfer_files:

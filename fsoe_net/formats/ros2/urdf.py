@@ -17,10 +17,12 @@ from fsoe_net.formats.ros2.urdf_system import (
     DriverSystem,
     plugin_of,
     read_system,
+    robot_component,
 )
 from fsoe_net.formats.ros2.xacro_expand import expand_xacro, uses_xacro
 from fsoe_net.formats.shared.files import Collector, read_bytes
 from fsoe_net.formats.shared.xml_tree import Element, parse_xml
+from fsoe_net.model.bus import RobotComponent
 from fsoe_net.model.network import SourceFile
 
 _PARTS = frozenset({"ros2_control", "ec_module"})
@@ -29,9 +31,15 @@ _DRIVER_PREFIX = "ethercat_driver/"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UrdfResult:
-    """The EtherCAT content of a URDF, its findings, and the files that were read."""
+    """The EtherCAT content of a URDF, its findings, and the files that were read.
+
+    ``components`` are those of all ``ros2_control`` blocks; ``is_closed``: all blocks belong to the
+    EtherCAT driver.
+    """
 
     systems: tuple[DriverSystem, ...]
+    components: tuple[RobotComponent, ...]
+    is_closed: bool
     diagnostics: tuple[Diagnostic, ...]
     sources: tuple[SourceFile, ...]
 
@@ -45,19 +53,28 @@ def load_urdf(path: str | os.PathLike[str], options: LoadOptions | None = None) 
     """
     out = Collector()
     systems: list[DriverSystem] = []
+    all_blocks: list[Element] = []
+    blocks: list[Element] = []
     written = _written(os.fspath(path), out)
     root = written
     if written is not None and uses_xacro(written):
         root = expand_xacro(os.fspath(path), out, options or LoadOptions())
     if written is not None and root is not None:
-        blocks = [e for e in root.all("ros2_control") if _is_ethercat(e)]
+        all_blocks = list(root.all("ros2_control"))
+        blocks = [e for e in all_blocks if _is_ethercat(e)]
         if not blocks:
             _without_driver(written, out)
         _component_names(blocks, out)
         _modules_outside(blocks, out)
         systems = _with_master_numbers([read_system(block, out) for block in blocks])
     return UrdfResult(
-        systems=tuple(systems), diagnostics=tuple(out.diagnostics), sources=tuple(out.sources)
+        systems=tuple(systems),
+        components=tuple(
+            robot_component(e) for b in all_blocks for e in b.children if e.name in COMPONENTS
+        ),
+        is_closed=len(blocks) == len(all_blocks),
+        diagnostics=tuple(out.diagnostics),
+        sources=tuple(out.sources),
     )
 
 

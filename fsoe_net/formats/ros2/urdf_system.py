@@ -208,7 +208,7 @@ class _System:
             position=-1 if position is None else position,
             slave_config=params.text("slave_config") or "",
             required=read_flag(params, "required", out),
-            components=(_robot_component(component),),
+            components=(robot_component(component),),
             mode=read_mode(params, out)
             if plugin is not None and plugin.text == CIA402_PLUGIN
             else None,
@@ -237,7 +237,8 @@ class _System:
         return [replace(m, position=next(free, 0)) if m.position < 0 else m for m in modules]
 
 
-def _robot_component(element: Element) -> RobotComponent:
+def robot_component(element: Element) -> RobotComponent:
+    """Return a joint, gpio or sensor with its interfaces."""
     states, commands = (element.all(f"{side}_interface") for side in ("state", "command"))
     return RobotComponent(
         kind=element.name,
