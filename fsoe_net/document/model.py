@@ -15,13 +15,23 @@ from fsoe_net.diag.words import noun
 
 
 class Level(enum.Enum):
-    """Level of a verdict; each writer gives it a mark and a word."""
+    """Level of a verdict, which is shown by its mark and a word."""
 
     CLEAR = "clear"
     NOTE = "note"
     OPEN = "open"
     WARNING = "warning"
     ERROR = "error"
+
+
+MARKS = {
+    Level.CLEAR: "✔",
+    Level.NOTE: "●",
+    Level.OPEN: "○",
+    Level.WARNING: "▲",
+    Level.ERROR: "✖",
+}
+"""The marks of studio, see ``SIGNS`` in ``fsoe_net/studio/assets/html.js``."""
 
 
 class Style(enum.Enum):

@@ -44,10 +44,7 @@ code{font-size:.88em;overflow-wrap:anywhere}pre{font-size:.85em;overflow-x:auto}
 .note{border:1px solid var(--soft);border-left-width:5px;padding:.5em 1em;background:var(--head)}
 .banner{font-size:1.3em;font-weight:700;padding:.5em .8em;border:2px solid;margin:.9em 0}
 .banner.error{border-width:4px;border-style:double}
-.v .mark,.banner .mark{display:inline-block;min-width:1.35em;height:1.35em;line-height:1.3em;
-text-align:center;border:1.5px solid;border-radius:50%;font-size:.8em;font-weight:700}
-.v.error .mark,.banner.error .mark{border-radius:0}.v.warning .mark{border-radius:25%}
-.v.clear .mark,.banner.clear .mark{border-color:transparent}
+.v .mark,.banner .mark{display:inline-block;min-width:1.2em;text-align:center}
 .data .v{display:inline-block;min-width:8em}.v.error{font-weight:700}
 .v.warning,.v.open{font-weight:600}
 .error{color:var(--red)}.warning,.open{color:var(--amber)}.clear{color:var(--ink)}

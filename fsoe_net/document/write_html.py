@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 from fsoe_net.document.markup import escape
 from fsoe_net.document.model import (
+    MARKS,
     Bullets,
     Cell,
     Document,
     Heading,
     Item,
-    Level,
     Lines,
     Number,
     Paragraph,
@@ -25,14 +25,6 @@ from fsoe_net.document.model import (
 )
 from fsoe_net.document.number_sources import Sources
 from fsoe_net.document.style import STYLE
-
-_MARKS = {
-    Level.CLEAR: "✔",
-    Level.NOTE: "i",
-    Level.OPEN: "?",
-    Level.WARNING: "!",
-    Level.ERROR: "✕",
-}
 
 
 def document_html(document: Document) -> str:
@@ -68,7 +60,7 @@ def _first(d: Document) -> str:
     if d.verdict is not None:
         rows.append(
             f'<p class="banner {d.verdict.level.value}"><span class="mark">'
-            f"{_MARKS[d.verdict.level]}</span> {escape(d.verdict.word)}</p>"
+            f"{MARKS[d.verdict.level]}</span> {escape(d.verdict.word)}</p>"
         )
     if d.seal:
         rows.append(
@@ -191,7 +183,7 @@ def _cell(items: Cell | Sequence[Item], sources: Sources, column: int) -> str:
 def _item(item: Item) -> str:
     if isinstance(item, Verdict):
         return (
-            f'<span class="v {item.level.value}"><span class="mark">{_MARKS[item.level]}</span> '
+            f'<span class="v {item.level.value}"><span class="mark">{MARKS[item.level]}</span> '
             f"{escape(item.word)}</span>"
         )
     if isinstance(item, Number):

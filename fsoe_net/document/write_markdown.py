@@ -7,11 +7,11 @@ from collections.abc import Sequence
 
 from fsoe_net.diag.printable import printable
 from fsoe_net.document.model import (
+    MARKS,
     Bullets,
     Document,
     Heading,
     Item,
-    Level,
     Lines,
     Number,
     Paragraph,
@@ -22,14 +22,6 @@ from fsoe_net.document.model import (
     section_marks,
 )
 from fsoe_net.document.number_sources import Sources
-
-MARKS = {
-    Level.CLEAR: "✔",
-    Level.NOTE: "ⓘ",
-    Level.OPEN: "?",
-    Level.WARNING: "⚠",
-    Level.ERROR: "✖",
-}
 
 
 def document_markdown(document: Document) -> str:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from fsoe_net.diag.diagnostic import Diagnostic, Severity
 from fsoe_net.diag.words import counted
 from fsoe_net.document.markup import escape, shortened, svg_text
+from fsoe_net.document.model import MARKS, Level
 from fsoe_net.model.bus import Located, SubDevice
 from fsoe_net.model.network import NetworkConfig
 from fsoe_net.model.resolve import Connection, Resolution
@@ -15,6 +16,7 @@ _WIDTH, _CARD, _MARGIN = 900, 270, 12
 _BOX, _BOX_STEP, _PER_ROW = 150, 174, 5
 _HEAD, _SLOT, _GAP = 46, 26, 14
 _BUS_NAME, _BOX_ROW = 18, 48
+_BAD = MARKS[Level.ERROR]
 _DRAWN = 'style="stroke:var(--c2)"'
 _WRONG = 'style="stroke:var(--red)" stroke-dasharray="2 4"'
 
@@ -82,7 +84,7 @@ def _bus_name(network: NetworkConfig, number: int, subs: Sequence[SubDevice]) ->
 def _box(sub: SubDevice, place: int, top: int, wrong: _Places) -> str:
     row, column = divmod(place, _PER_ROW)
     x, y = _MARGIN + column * _BOX_STEP, top + row * _BOX_ROW
-    sign = "✕ " if _is_wrong(sub, wrong) else ""
+    sign = f"{_BAD} " if _is_wrong(sub, wrong) else ""
     before = x - (_BOX_STEP - _BOX if column else _MARGIN)
     label = f"{sign}{sub.position} {shortened(sub.name, 20)}"
     return (
@@ -141,7 +143,7 @@ def _line(
         f"<g><title>{escape(connection.name)}</title>"
         f'<path d="M{begin[0]},{begin[1]:g} C{begin[0] + bend:g},{begin[1]:g} '
         f'{end[0] + back:g},{end[1]:g} {end[0]},{end[1]:g}" class="arc" {kind}/>'
-        + (svg_text(middle[0], middle[1] - 4, "✕", "middle", "name") if is_wrong else "")
+        + (svg_text(middle[0], middle[1] - 4, _BAD, "middle", "name") if is_wrong else "")
         + "</g>"
     )
 

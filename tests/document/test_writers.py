@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
+from importlib import resources
+
 import pytest
 from document.pages import ALL
 
-from fsoe_net.document.model import Document, Lines, code, strong, words
+from fsoe_net.document.model import MARKS, Document, Lines, code, strong, words
 from fsoe_net.document.write_html import document_html
 from fsoe_net.document.write_json import section_json
 from fsoe_net.document.write_markdown import document_markdown
@@ -75,6 +78,12 @@ def test_a_page_has_no_markup_of_others():
     assert "<script>" not in page
     assert not {"\x1b", "\u202e"} & set(page)
     assert "<pre>&lt;script&gt;\\u001b\\u202e&amp;</pre>" in page
+
+
+def test_reports_and_studio_have_the_same_signs():
+    html_js = resources.files("fsoe_net.studio") / "assets" / "html.js"
+    signs = html_js.read_text("utf-8").partition("SIGNS = {")[2].partition("}")[0]
+    assert dict(re.findall(r'(\w+): "(.)"', signs)) == {k.value: v for k, v in MARKS.items()}
 
 
 def test_lines_in_json_stay_lines():

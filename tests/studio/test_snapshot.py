@@ -59,11 +59,11 @@ def test_one_that_compiles_to_no_plan_is_shown_too(cell: Path) -> None:
     assert "not confirmed: &lt;b&gt;guessed" in page
     assert re.search(r"FSN\d{3}", page)
     assert page.count('stroke:var(--red)" stroke-dasharray="2 4"') == 1
-    assert ">✕</text>" in page
+    assert ">✖</text>" in page
     cell.write_text(text.replace("devices/el1904.yaml", "devices/x.yaml"), "utf-8")
     page = _page(cell)
     assert page.count('class="arc"') == 3
-    assert ">✕ 2 el1904</text>" in page
+    assert ">✖ 2 el1904</text>" in page
     cell.write_text("nets: [\n", "utf-8")
     page = _page(cell)
     assert "network.yaml" in page

@@ -1,6 +1,6 @@
 // One step of a test record: what to do, what shall happen, what came of it.
 import { useState } from "./vendor/hooks.js";
-import { html } from "./html.js";
+import { html, SIGNS } from "./html.js";
 
 /** @typedef {import("./types").Part} Part */
 /** @typedef {import("./types").Kept} Kept */
@@ -8,9 +8,9 @@ import { html } from "./html.js";
 
 /** @type {Record<string, [string, string]>} Shape and words of a result. */
 const RESULTS = {
-  "as expected": ["✔", "as expected"],
-  "not as expected": ["✖", "not as expected"],
-  "not run": ["○", "not run"],
+  "as expected": [SIGNS.clear, "as expected"],
+  "not as expected": [SIGNS.error, "not as expected"],
+  "not run": [SIGNS.open, "not run"],
 };
 /** @type {Record<string, [string, string]>} */
 const AT_DEVICE = {

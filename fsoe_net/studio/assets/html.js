@@ -4,8 +4,11 @@ import htm from "./vendor/htm.js";
 
 export const html = htm.bind(h);
 
-/** @type {Record<string, [string, string]>} Shape and word of a severity: never colour alone. */
-export const SEVERITIES = { error: ["✖", "error"], warning: ["▲", "warning"], info: ["●", "note"] };
+/** The signs of a judgement, as in reports: MARKS in fsoe_net/document/model.py. */
+export const SIGNS = { clear: "✔", note: "●", open: "○", warning: "▲", error: "✖" };
+
+/** @type {Record<string, [string, string]>} Sign and word of a severity: never colour alone. */
+export const SEVERITIES = { error: [SIGNS.error, "error"], warning: [SIGNS.warning, "warning"], info: [SIGNS.note, "note"] };
 
 /** @type {Record<string, string>} */
 export const ROLES = {

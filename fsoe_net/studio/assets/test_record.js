@@ -1,6 +1,6 @@
 // The test record, filled in at the machine, one step at a time.
 import { useCallback, useEffect, useRef, useState } from "./vendor/hooks.js";
-import { html } from "./html.js";
+import { html, SIGNS } from "./html.js";
 import { allKept, forget, idOf, keep, keepName, lastName, othersKept, send, waits } from "./kept.js";
 import { ask, post } from "./server.js";
 import { Entry } from "./entry.js";
@@ -30,13 +30,13 @@ const partsOf = (testRecord) => [
  * @returns {[string, string, string]} and its class
  */
 export function stateOf(part, kept) {
-  if (kept?.theirs) return ["▲", "another person has entered", "warning"];
-  if (kept?.problem) return ["▲", "not taken", "error"];
+  if (kept?.theirs) return [SIGNS.warning, "another person has entered", "warning"];
+  if (kept?.problem) return [SIGNS.warning, "not taken", "error"];
   if (kept?.done) return ["◔", "not sent yet", "warning"];
   if (kept) return ["✎", "not finished", ""];
-  if (part.row?.is_failed) return ["✖", "failed", "error"];
+  if (part.row?.is_failed) return [SIGNS.error, "failed", "error"];
   const isOpen = part.row ? part.row.is_open : Object.values(part.fields).includes("");
-  return isOpen ? ["○", "open", ""] : ["✔", part.row ? "done" : "read", "good"];
+  return isOpen ? [SIGNS.open, "open", ""] : [SIGNS.clear, part.row ? "done" : "read", "good"];
 }
 
 /** @param {{ state: State }} props */
