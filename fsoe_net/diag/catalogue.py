@@ -91,6 +91,7 @@ FSN165 error   invalid groups
 FSN166 error   permanent part depends on a part that may be absent
 FSN167 warning output keeps the last value of an absent group
 FSN168 error   ec_module outside of a joint, gpio or sensor
+FSN169 warning logo of the report cannot be used
 FSN201 error   transfer names an unknown module
 FSN202 error   transfer names an entry that the module does not map
 FSN203 error   transfer reads an output

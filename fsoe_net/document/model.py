@@ -200,6 +200,8 @@ class Document:
     Attributes:
         title: Subject.
         subtitle: Type of document.
+        title_block: Facts about the document next to its title.
+        logo: A picture for its title, as a ``data:`` address.
         version: Version of fsoe-net.
         seal: Short code of the configuration, on each printed page.
         verdict: The verdict at the top.
@@ -212,6 +214,8 @@ class Document:
 
     title: str = ""
     subtitle: str = ""
+    title_block: Table | None = None
+    logo: str = ""
     version: str = ""
     seal: str = ""
     verdict: Verdict | None = None

@@ -35,6 +35,7 @@ h1{margin:.2em 0 0;font-size:1.9em;line-height:1.2}
 h2{margin:2.4em 0 .6em;padding-bottom:.25em;border-bottom:2px solid var(--ink);font-size:1.35em}
 h3{margin:1.5em 0 .4em;font-size:1.05em}
 h2 .no{display:inline-block;min-width:1.5em;color:var(--soft)}
+.logo{float:right;max-width:15em;max-height:4.2em;margin:0 0 .6em 1.5em}
 p{margin:.5em 0}a{color:var(--blue)}.under,.muted,.unit,.below,figcaption{color:var(--soft)}
 .below{font-size:.85em;margin-top:.2em}
 code,.seal{font-family:ui-monospace,"DejaVu Sans Mono",monospace}
@@ -97,6 +98,9 @@ print-color-adjust:exact}
 .sheet>tbody>tr>td,.sheet>thead>tr>td,.sheet>tfoot>tr>td{display:table-cell;padding:0}
 .pagehead{border-bottom:1px solid #000;padding-bottom:1mm;margin-bottom:3mm;font-size:8.5pt}
 .pagefoot{border-top:1px solid #000;padding-top:1mm;margin-top:3mm;font-size:8pt}
+.pagehead{display:table;table-layout:fixed;width:100%}.pagehead>span{display:table-cell}
+.pagehead>.seal{width:15em;text-align:right}.pagehead>span,.pagefoot{white-space:nowrap;overflow:hidden;text-overflow:ellipsis}
+.first h3{margin:1.1em 0 .3em}nav{break-inside:avoid}
 .blank{border-bottom:.5pt solid #888}
 .toc{columns:3;font-size:.88em}.page{break-before:page}.page .data{line-height:1.35}
 .page h3{margin:1em 0 .3em}

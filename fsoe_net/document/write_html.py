@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 from fsoe_net.document.markup import escape
@@ -26,14 +27,15 @@ from fsoe_net.document.model import (
 from fsoe_net.document.number_sources import Sources
 from fsoe_net.document.style import STYLE
 
+_LONGEST_WORD = 24
+
 
 def document_html(document: Document) -> str:
     """Return the document as one self-contained page."""
     d = document
-    head = [f"<b>{escape(d.title)}</b>", escape(d.subtitle)]
-    if d.seal:
-        head.append(f'<span class="seal">{escape(d.seal)}</span>')
-    foot = " · ".join(w for w in (escape(d.foot), f"fsoe-net {escape(d.version)}") if w)
+    head = " · ".join(w for w in (f"<b>{escape(d.title)}</b>", escape(d.subtitle)) if w)
+    seal = f'<span class="seal">{escape(d.seal)}</span>' if d.seal else ""
+    foot = " · ".join(w for w in (f"fsoe-net {escape(d.version)}", escape(d.foot)) if w)
     marks = section_marks(d.sections) if d.numbered else [""] * len(d.sections)
     sections = [_section(mark, s) for mark, s in zip(marks, d.sections, strict=True)]
     body = "\n".join([_first(d), *sections])
@@ -45,7 +47,7 @@ def document_html(document: Document) -> str:
         f"<style>{STYLE}</style></head><body{kind}>\n"
         # Browsers repeat thead and tfoot on each printed page, so no script is needed for both.
         '<table class="sheet" role="presentation"><thead>'
-        f'<tr><td><div class="pagehead">{" · ".join(h for h in head if h)}</div></td></tr></thead>'
+        f'<tr><td><div class="pagehead"><span>{head}</span>{seal}</div></td></tr></thead>'
         f'<tfoot><tr><td><div class="pagefoot">{foot}</div></td></tr></tfoot><tbody><tr><td>\n'
         f"{body}\n</td></tr></tbody></table>\n</body></html>\n"
     )
@@ -53,10 +55,13 @@ def document_html(document: Document) -> str:
 
 def _first(d: Document) -> str:
     made = f"fsoe-net {d.version}" if d.version else ""
+    logo = f'<img class="logo" alt="" src="{escape(d.logo)}">' if d.logo else ""
     rows = [
-        f"<h1>{escape(d.title)}</h1>",
+        f"{logo}<h1>{escape(d.title)}</h1>",
         f'<p class="under">{escape(" by ".join(w for w in (d.subtitle, made) if w))}</p>',
     ]
+    if d.title_block is not None:
+        rows.append(_part(d.title_block))
     if d.verdict is not None:
         rows.append(
             f'<p class="banner {d.verdict.level.value}"><span class="mark">'
@@ -184,16 +189,22 @@ def _item(item: Item) -> str:
     if isinstance(item, Verdict):
         return (
             f'<span class="v {item.level.value}"><span class="mark">{MARKS[item.level]}</span> '
-            f"{escape(item.word)}</span>"
+            f"{_breakable(item.word)}</span>"
         )
     if isinstance(item, Number):
         unit = f' <span class="unit">{escape(item.unit)}</span>' if item.unit else ""
         return f'<span class="n" title="{escape(item.source)}">{escape(item.text)}{unit}</span>'
-    text = escape(item.text)
     if item.style is Style.CODE:
-        return f"<code>{text}</code>"
+        return f"<code>{escape(item.text)}</code>"
+    text = _breakable(item.text)
     if item.style is Style.STRONG:
         return f"<b>{text}</b>"
     if item.style is Style.MUTED:
         return f'<span class="muted">{text}</span>' if text else ""
     return '<span class="blank"></span>' if item.style is Style.BLANK else text
+
+
+def _breakable(text: str) -> str:
+    """Return an escaped text in which a very long word cannot widen a table beyond its page."""
+    parts = re.split(rf"(\S{{{_LONGEST_WORD}}})(?=\S)", text)
+    return "".join(f"{escape(p)}<wbr>" if n % 2 else escape(p) for n, p in enumerate(parts))

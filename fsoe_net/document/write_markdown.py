@@ -33,6 +33,8 @@ def document_markdown(document: Document) -> str:
         f"made with fsoe-net {_words(d.version)}" if d.version else "",
     ]
     lines = [f"# {_words(d.title)}", "", ", ".join(fact for fact in facts if fact), ""]
+    if d.title_block is not None:
+        lines += _part(d.title_block, depth=2)
     if d.verdict is not None:
         lines += [f"**{_inline(d.verdict)}**", ""]
     for part in d.lead:

@@ -27,7 +27,7 @@ border-top:1px solid #000}}
 .sheet,.sheet>tbody,.sheet>tbody>tr,.sheet>tbody>tr>td,.sheet>thead,.sheet>thead>tr,
 .sheet>thead>tr>td,.sheet>tfoot,.sheet>tfoot>tr,.sheet>tfoot>tr>td{display:block}
 .pagehead{position:running(head);margin:0}.pagefoot{position:running(foot);
-margin:0;padding:0;border:0}
+margin:0;padding:0;border:0}img.logo{width:auto}
 img{width:100%;height:auto;object-fit:contain;object-position:left top}
 img.window{max-height:46px}figure img{max-height:225mm}.narrow{display:none}
 """

@@ -10,6 +10,7 @@ from functools import cached_property
 
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.model.bus import Located, SubDevice
+from fsoe_net.model.report_facts import ReportFacts
 from fsoe_net.model.robot import Robot
 from fsoe_net.model.safety import SafetyFunction
 
@@ -125,10 +126,11 @@ class NetworkConfig(Located):
     ``subdevices``: in the order in which a driver adds them to its master, which is the order of
     the process image. ``cycle_ns`` is ``None`` if no file states it. ``partial``: modules may be
     declared in a file that was not given, so unknown names are not errors. ``project`` is the
-    heading of reports; empty if not stated. ``buses``: at least two, numbered by ``master_id`` of
-    the SubDevices, or empty if the file has one bus; ``cycle_ns`` is that of the first bus.
-    ``groups``: SubDevices that may be absent; all others are always present. ``robot``: the robot
-    description with its controllers, if files of controllers were given.
+    heading of reports; empty if not stated. ``report``: for their title block. ``buses``: at least
+    two, numbered by ``master_id`` of the SubDevices, or empty if the file has one bus; ``cycle_ns``
+    is that of the first bus. ``groups``: SubDevices that may be absent; all others are always
+    present. ``robot``: the robot description with its controllers, if files of controllers were
+    given.
     """
 
     name: str
@@ -137,6 +139,7 @@ class NetworkConfig(Located):
     nets: tuple[Net, ...]
     safety_functions: tuple[SafetyFunction, ...] = ()
     project: str = ""
+    report: ReportFacts = field(default_factory=ReportFacts)
     sources: tuple[SourceFile, ...] = ()
     partial: bool = False
     buses: tuple[Bus, ...] = ()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from base64 import b64encode
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -28,7 +29,8 @@ from fsoe_net.document.model import (
     number_of,
     strong,
 )
-from fsoe_net.report.first_page import first_page
+from fsoe_net.model.report_facts import Logo
+from fsoe_net.report.first_page import first_page, title_block
 from fsoe_net.report.inputs import ReportInputs
 from fsoe_net.report.model import LEVELS, Point, PointKind, ReportDocument, ReportSection
 from fsoe_net.report.section_copies import copies
@@ -74,6 +76,8 @@ def compose_report(inputs: ReportInputs) -> ReportDocument:
     return ReportDocument(
         title=(network.project if network is not None else "") or inputs.name,
         subtitle=f"FSoE network {inputs.name}: configuration report",
+        title_block=title_block(network),
+        logo="" if network is None else _logo(network.report.logo),
         network=inputs.name,
         version=inputs.version,
         seal="NO FINGERPRINT" if inputs.fingerprint is None else inputs.fingerprint.short,
@@ -84,13 +88,17 @@ def compose_report(inputs: ReportInputs) -> ReportDocument:
             *_lead(inputs, of_sections, of_findings, against, last),
         ),
         sections=(*main, open_points(points, inputs), *appendices),
-        foot=f"{verdict.word} · black channel configuration, evidence and no certificate",
+        foot=f"black channel configuration, evidence and no certificate · {verdict.word}",
         numbered=True,
         points=points,
         findings=tuple(inputs.diagnostics),
         against=against,
         of_machine=is_of_machine(inputs),
     )
+
+
+def _logo(logo: Logo | None) -> str:
+    return "" if logo is None else f"data:{logo.media};base64,{b64encode(logo.data).decode()}"
 
 
 def _has_error(inputs: ReportInputs) -> bool:

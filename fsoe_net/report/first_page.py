@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from fsoe_net.diag.words import counted
 from fsoe_net.document.model import (
+    BLANK,
     Cell,
     Column,
     Heading,
@@ -20,6 +21,8 @@ from fsoe_net.document.model import (
     stated,
     strong,
 )
+from fsoe_net.model.network import NetworkConfig
+from fsoe_net.model.report_facts import ReportFacts
 from fsoe_net.model.safety import level_words
 from fsoe_net.report.inputs import GivenRecord, ReportInputs
 from fsoe_net.report.section_functions import function_label, function_test
@@ -29,6 +32,24 @@ from fsoe_net.timing.reaction import FunctionBudget
 
 _OPEN = {Judgement.MISSING: "not judged", Judgement.UNVERIFIED: "unverified"}
 _SOURCE = "network file"
+
+
+def title_block(network: NetworkConfig | None) -> Table:
+    """Return number, revision, date and customer of the report; people write those not stated."""
+    facts = ReportFacts() if network is None else network.report
+    rows = {
+        "Document number": facts.number,
+        "Revision": facts.revision,
+        "Date": facts.date,
+        "Customer": facts.customer,
+    }
+    return Table(
+        name="title block",
+        columns=tuple(
+            Column(title, share=share) for title, share in zip(rows, (26, 14, 18, 42), strict=True)
+        ),
+        rows=(tuple(cell(text) if text else BLANK for text in rows.values()),),
+    )
 
 
 def first_page(inputs: ReportInputs, files: Verdict, machine: Verdict) -> list[Part]:
@@ -69,13 +90,13 @@ def first_page(inputs: ReportInputs, files: Verdict, machine: Verdict) -> list[P
 
 
 _FUNCTIONS = (
-    Column("Safety function", share=23),
+    Column("Safety function", share=21),
     Column("Required", number=True, share=10),
-    Column("Calculated", number=True, share=11),
+    Column("Calculated", number=True, share=13),
     Column("Level required", share=9),
     Column("Claimed", share=9),
-    Column("Tested", share=15),
-    Column("Against it", share=23),
+    Column("Tested", share=18),
+    Column("Against it", share=20),
 )
 
 

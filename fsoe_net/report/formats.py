@@ -24,7 +24,7 @@ def _json(d: ReportDocument) -> str:
         "fingerprint": {"short": d.seal, "whole": d.whole} if d.whole else None,
         "verdict": item_json(d.verdict),
         "of_machine": d.of_machine,
-        "lead": [part_json(p) for p in d.lead],
+        "lead": [part_json(p) for p in (d.title_block, *d.lead) if p is not None],
         "blocks": [section_json(n, s) for n, s in enumerate(d.sections, 1)],
         "findings": [f.to_json() for f in d.findings],
         "points": [{"kind": p.kind.value, "block": title, "text": p.text} for title, p in d.points],

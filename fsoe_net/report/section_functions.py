@@ -26,6 +26,7 @@ from fsoe_net.document.model import (
 )
 from fsoe_net.model.safety import ElementKind, SafetyFunction, level_words
 from fsoe_net.model.test_record import StepKind, TestStep
+from fsoe_net.report.function_picture import function_picture
 from fsoe_net.report.inputs import ReportInputs
 from fsoe_net.report.model import Point, PointKind, ReportSection
 from fsoe_net.report.section_quantities import claim_cell, mission_cell, shortest_mission
@@ -64,7 +65,13 @@ def _page(
         for words, text in (("no reset is stated", f.reset), ("no modes are stated", f.modes))
         if not text
     ]
-    parts: list[Part] = [_facts(row), Heading("Parts"), _parts(row), *shortest_mission(row)]
+    parts: list[Part] = [
+        function_picture(row),
+        _facts(row),
+        Heading("Parts"),
+        _parts(row),
+        *shortest_mission(row),
+    ]
     parts += [*bits, Heading("Tests at the machine"), _tests(row, inputs), _sign()]
     return ReportSection(
         key=f"function_{number}",

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from fsoe_net.document.model import (
-    BLANK,
     Bullets,
     Cell,
     Column,
@@ -39,7 +38,7 @@ def _cycle(ns: int | None) -> Cell:
 
 
 def identity(inputs: ReportInputs) -> ReportSection:
-    """Return machine, network, tool, files; the date is entered by hand."""
+    """Return machine, network, tool, files."""
     resolution = inputs.resolution
     network = None if resolution is None else resolution.network
     project = "" if network is None else network.project
@@ -55,8 +54,6 @@ def identity(inputs: ReportInputs) -> ReportSection:
             cell(project) if project else cell(Verdict("not stated", Level.OPEN)),
         ),
         (cell("Network"), cell(inputs.name)),
-        (cell("Report number"), BLANK),
-        (cell("Date"), BLANK),
         (cell("Made with"), cell(f"fsoe-net {inputs.version}")),
     ]
     if resolution is not None:

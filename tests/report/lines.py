@@ -69,8 +69,8 @@ def _lines(document: Document) -> Iterator[str]:
     """Yield everything that a document holds."""
     for field in fields(document):
         value = getattr(document, field.name)
-        if field.name == "lead":
-            for part in value:
+        if field.name in ("title_block", "lead"):
+            for part in value if isinstance(value, tuple) else (value,):
                 yield from _part(part)
         elif field.name == "sections":
             for section in value:

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 import subprocess
+from base64 import b64encode
 from dataclasses import replace
+from html import escape
 from pathlib import Path
 
 import pytest
 from networks import example
-from report.made import TIMED, inputs_of
+from report.made import BASE, TIMED, inputs_of
 from test_record.filled import fresh_record, timed
 
 from fsoe_net.document.model import Document, Item, Level, Table, Verdict
@@ -21,6 +24,7 @@ from fsoe_net.model.network import SourceFile
 from fsoe_net.model.test_record import AtMachine, StepKind, StepOutcome
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.report.compose import compose_report
+from fsoe_net.report.formats import render_report
 from fsoe_net.report.inputs import GivenRecord, ReportInputs, Signatures, Tried
 from fsoe_net.report.svg import topology_picture
 from fsoe_net.timing.budget import make_budget
@@ -311,3 +315,31 @@ def test_printed_pages_of_a_report_are_counted(tmp_path: Path) -> None:
                f"--print-to-pdf={printed}", page.as_uri()]  # fmt: skip
     subprocess.run(command, check=True, capture_output=True)
     assert len(re.findall(rb"/Type\s*/Page\b", printed.read_bytes())) <= 6
+
+
+def test_the_title_block_has_the_facts_of_the_file_in_every_form(tmp_path: Path):
+    logo = b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR" + bytes([0, 0, 0, 60, 0, 0, 0, 20])
+    (tmp_path / "logo.png").write_bytes(logo)
+    (tmp_path / "devices").symlink_to(BASE / "devices")
+    path = tmp_path / "network.yaml"
+    facts = ("FSR-17", "B", "2026-11-21", "Press & <b>Sons</b>")
+    keys = ("number", "revision", "date", "customer")
+    rows = ", ".join(f"{key}: '{fact}'" for key, fact in zip(keys, facts, strict=True))
+    path.write_text(f"{TIMED.read_text('utf-8')}report: {{{rows}, logo: logo.png}}\n", "utf-8")
+    inputs = inputs_of(path)
+    page, text = render_report(inputs, "html"), render_report(inputs, "md")
+    block = json.loads(render_report(inputs, "json"))["lead"][0]
+    assert [cell[0]["text"] for cell in block["rows"][0]] == list(facts)
+    first = page.partition('<p class="banner')[0]
+    assert all(f"<div>{escape(fact)}</div>" in first for fact in facts)
+    assert f'src="data:image/png;base64,{b64encode(logo).decode()}"' in first
+    assert "| FSR-17 | B | 2026-11-21 | Press \\& \\<b>Sons\\</b> |" in text
+    # It is about the document, not about the configuration.
+    assert inputs.fingerprint == inputs_of(TIMED).fingerprint
+
+
+def test_an_empty_title_block_is_filled_in_by_hand():
+    page = render_report(inputs_of(TIMED), "html")
+    block = page.partition("Document number")[2].partition("</table>")[0]
+    assert block.count('<span class="blank"></span>') == 4
+    assert "<img" not in page

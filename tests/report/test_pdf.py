@@ -9,6 +9,7 @@ import subprocess
 import sys
 import zlib
 from base64 import b64decode
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -93,19 +94,27 @@ def test_the_same_report_gives_the_same_bytes_with_head_and_number_on_each_page(
 @pytest.mark.uncounted
 @needs_library
 @of_library
-def test_the_foot_of_a_page_is_one_line():
-    page = _for_print(document_html(compose_report(inputs_of(TIMED))))
-    for sheet in pdf_library().HTML(string=page).render().pages:
-        feet = [
-            b for b in sheet._page_box.children if getattr(b, "at_keyword", "") == "@bottom-left"
-        ]
-        lines = {
-            round(part.position_y)
-            for foot in feet
-            for part in foot.descendants()
+@pytest.mark.parametrize("place", ["@top-left", "@bottom-left"])
+@pytest.mark.parametrize("long", ["", "a name with very many words " * 9, "W" * 200])
+def test_head_and_foot_of_a_page_are_one_line(place: str, long: str):
+    document = compose_report(inputs_of(TIMED))
+    document = replace(document, title=document.title + long, foot=document.foot + long)
+    seal = document.seal.split()
+    for sheet in pdf_library().HTML(string=_for_print(document_html(document))).render().pages:
+        texts = [
+            part
+            for box in sheet._page_box.children
+            if getattr(box, "at_keyword", "") == place
+            for part in box.descendants()
             if getattr(part, "text", "").strip()
-        }
-        assert len(lines) == 1
+        ]
+        assert len({round(t.position_y + t.baseline) for t in texts}) == 1
+        # A long title never pushes the fingerprint or the limits of the report off the page.
+        whole = " ".join(t.text for t in texts)
+        if place == "@top-left":
+            assert whole.split()[-4:] == seal
+        else:
+            assert "black channel configuration, evidence and no certificate" in whole
 
 
 @needs_library

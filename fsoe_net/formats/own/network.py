@@ -20,6 +20,7 @@ from fsoe_net.formats.own.buses import (
     groups_from_yaml,
 )
 from fsoe_net.formats.own.options import LoadOptions
+from fsoe_net.formats.own.report_facts import report_facts_from_yaml
 from fsoe_net.formats.own.safety_functions import safety_functions_from_yaml
 from fsoe_net.formats.own.schema import (
     MOST_UNKNOWN,
@@ -252,6 +253,7 @@ class _Assembly:
             nets=nets,
             safety_functions=safety_functions_from_yaml(root, self.out),
             project=root.text("project") or "",
+            report=report_facts_from_yaml(root, self.out),
             buses=tuple(b.bus for b in buses),
             groups=groups_from_yaml(root, self.out),
         )

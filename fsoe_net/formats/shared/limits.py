@@ -11,6 +11,7 @@ MAX_PLAN_BYTES = 64 * _MIB  # the limit of fsn-master
 MAX_PROJECT_BYTES = 64 * _MIB  # all files of a TwinCAT project together
 MAX_PASTED_BYTES = 8 * _MIB
 MAX_ALIAS_BYTES = 4 * _MIB  # an alias device of TwinSAFE
+MAX_LOGO_BYTES = _MIB  # a picture that each report contains
 MAX_SII_BYTES = 4 * _MIB  # an image, also as text
 MAX_EEPROM_BYTES = _MIB
 MAX_CACHED_BYTES = 64 * _MIB  # a list of the devices of an ESI
