@@ -17,6 +17,7 @@ from fsoe_net.cli.options import (
     signer_options,
 )
 from fsoe_net.cli.output import print_diagnostics
+from fsoe_net.cli.progress import elapsed_time
 from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_target
 from fsoe_net.document.write_pdf import pdf_library
@@ -120,24 +121,26 @@ def command(
     check_target(output, overwrite=overwrite)
     named = socket is not None or interface is not None
     address = master_socket(socket, interface) if named else None
-    record = None if accepted is None else read_record(accepted)
-    checked = check_files(files, loading, compared=True)
-    evidence = [read_evidence(path) for path in evidence_files]
-    report = make_report(
-        checked,
-        evidence=evidence,
-        live=None if address is None else ask_live(address),
-        plan=plan_file,
-        scenario=scenario_file,
-        against=against,
-        accepted=record,
-        signers=None if signers is None else SshSigners.read(signers, revoked),
-        test_record=test_record,
-        self_test=self_test,
-        loading=loading,
-    )
+    with elapsed_time(f"writing {output}"):
+        record = None if accepted is None else read_record(accepted)
+        checked = check_files(files, loading, compared=True)
+        evidence = [read_evidence(path) for path in evidence_files]
+        report = make_report(
+            checked,
+            evidence=evidence,
+            live=None if address is None else ask_live(address),
+            plan=plan_file,
+            scenario=scenario_file,
+            against=against,
+            accepted=record,
+            signers=None if signers is None else SshSigners.read(signers, revoked),
+            test_record=test_record,
+            self_test=self_test,
+            loading=loading,
+        )
+        content = report.render(form)
     print_diagnostics(report.test_record_findings, err=True)
-    write_whole(output, report.render(form), overwrite=overwrite)
+    write_whole(output, content, overwrite=overwrite)
     # The report is also written if there are errors; they are printed here as well.
     print_diagnostics(report.errors, err=True)
     run = report.run
