@@ -11,7 +11,10 @@ project = "fsoe-net"
 copyright = "the fsoe-net authors"  # noqa: A001
 text = (Path(__file__).parents[1] / "fsoe_net" / "version.py").read_text("utf-8")
 release = version = re.search(r'__version__ = "([^"]+)"', text).group(1)
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_copybutton"]
+# Of a console only what a reader types; elsewhere the lines after a prompt, or everything.
+copybutton_exclude = ".linenos, .gp, .go"
+copybutton_prompt_text = "$ "
 autodoc_typehints = "description"
 default_role = "py:obj"
 autodoc_member_order = "bysource"
@@ -20,6 +23,10 @@ myst_enable_extensions = ["colon_fence", "deflist"]
 myst_heading_anchors = 3
 html_theme = "furo"
 html_title = f"fsoe-net {release}"
+html_static_path = ["site"]
+html_css_files = ["site.css", "pictures.css"]
+html_search_scorer = str(Path(__file__).parent / "site" / "scorer.js")
+html_extra_path = ["extra"]
 exclude_patterns = ["_build"]
 
 
@@ -27,8 +34,9 @@ def setup(app: Any) -> None:
     """Sphinx calls it before it looks for pages."""
     import generated
 
-    page = Path(__file__).parent / "reference" / "commands.md"
-    page.write_text(generated.commands(), "utf-8")
+    here = Path(__file__).parent
+    (here / "reference" / "commands.md").write_text(generated.commands(), "utf-8")
+    (here / "site" / "pictures.css").write_text(generated.picture_style(), "utf-8")
 
     def fill_in(_app: Any, name: str, text: list[str]) -> None:
         text[0] = generated.fill_in(name, text[0])

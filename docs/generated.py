@@ -20,6 +20,10 @@ from fsoe_net.cli.main import GROUPS, cli
 from fsoe_net.cli.options import named_folders
 from fsoe_net.cli.output import print_diagnostics
 from fsoe_net.diag.catalogue import CATALOGUE
+from fsoe_net.document.style import PICTURES, STYLE
+from fsoe_net.formats.own.network import load_network
+from fsoe_net.model.resolve import resolve
+from fsoe_net.report.network_picture import network_picture
 from fsoe_net.rules.effects import effects_today
 from fsoe_net.rules.runtime import Runtime
 
@@ -27,6 +31,13 @@ ROOT = Path(__file__).resolve().parents[1]
 CASES = ROOT / "tests" / "diagnostics"
 named_folders.add(".")  # lines of the files of an example are shown
 MOST = 6  # lines of one run of added or removed ones
+EXAMPLES = {  # on the first page, with the page that uses each
+    "estop": "tutorial/ten-minutes.md",
+    "el6910": "howto/run-live.md",
+    "robot-cell": "howto/emulate.md",
+    "two-buses": "howto/several-buses.md",
+    "tool-exchange": "howto/several-buses.md",
+}
 FAMILIES = {
     "1": "Loading",
     "2": "Copies",
@@ -136,6 +147,8 @@ def fill_in(page: str, text: str) -> str:
     code = page.rpartition("/")[2]
     if page == "diagnostics/index":
         return text.replace("<!-- codes -->\n", _codes())
+    if page == "index":
+        return text.replace("<!-- gallery -->\n", _gallery())
     if page == "reference/runtimes":
         return text.replace("<!-- effects -->\n", _effects())
     if page != f"diagnostics/{code}" or code not in CATALOGUE:
@@ -144,6 +157,31 @@ def fill_in(page: str, text: str) -> str:
     what, _, fix = rest.partition("**Fix.**")
     example = _example(code, cases.CASES[code])
     return f"{title}\n\n*{CATALOGUE[code].severity}*\n{what}{example}\n**Fix.**{fix}"
+
+
+def _gallery() -> str:
+    """Return a card for each example: what it is, a drawing, and the page that uses it."""
+    cards = []
+    for name, page in EXAMPLES.items():
+        network = load_network([ROOT / "examples" / name / "network.yaml"]).network
+        title = network.project.removeprefix("Example, ")
+        cards.append(
+            f":::{{container}} card\n**{title[0].upper()}{title[1:]}**\n\n"
+            f'<div class="picture">{network_picture(resolve(network), [])}</div>\n\n'
+            f"`examples/{name}`, in []({page})\n:::\n"
+        )
+    return "::::{container} cards gallery\n" + "\n".join(cards) + "::::\n"
+
+
+def picture_style() -> str:
+    """Return the style of our drawings on a page, in the colours of its theme."""
+    light, dark = re.findall(r":root\{(.*?)\}", STYLE.replace("\n", ""))[:2]
+    is_dark = 'body[data-theme="dark"] .picture'
+    return (
+        f".picture {{ {light}; {PICTURES} }}\n{is_dark} {{ {dark} }}\n"
+        "@media (prefers-color-scheme: dark) "
+        f"{{ {is_dark.replace('dark', 'auto')} {{ {dark} }} }}\n"
+    )
 
 
 def commands() -> str:
