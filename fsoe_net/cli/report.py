@@ -122,17 +122,14 @@ def command(
     named = socket is not None or interface is not None
     address = master_socket(socket, interface) if named else None
     with elapsed_time(f"writing {output}"):
-        record = None if accepted is None else read_record(accepted)
-        checked = check_files(files, loading, compared=True)
-        evidence = [read_evidence(path) for path in evidence_files]
         report = make_report(
-            checked,
-            evidence=evidence,
+            check_files(files, loading, compared=True),
+            evidence=[read_evidence(path) for path in evidence_files],
             live=None if address is None else ask_live(address),
             plan=plan_file,
             scenario=scenario_file,
             against=against,
-            accepted=record,
+            accepted=None if accepted is None else read_record(accepted),
             signers=None if signers is None else SshSigners.read(signers, revoked),
             test_record=test_record,
             self_test=self_test,
