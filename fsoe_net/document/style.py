@@ -100,12 +100,13 @@ print-color-adjust:exact}
 .pagefoot{border-top:1px solid #000;padding-top:1mm;margin-top:3mm;font-size:8pt}
 .pagehead{display:table;table-layout:fixed;width:100%}.pagehead>span{display:table-cell}
 .pagehead>.seal{width:15em;text-align:right}.pagehead>span,.pagefoot{white-space:nowrap;overflow:hidden;text-overflow:ellipsis}
-.first h3{margin:1.1em 0 .3em}nav{break-inside:avoid}
+.first h1{font-size:1.6em}.first h3{margin:1em 0 .3em}.first .banner{font-size:1.15em;margin:.7em 0;
+padding:.35em .7em}.sealbox{margin:.3em 0}nav{break-inside:avoid}
 .blank{border-bottom:.5pt solid #888}
 .toc{columns:3;font-size:.88em}.page{break-before:page}.page .data{line-height:1.35}
 .page h3{margin:1em 0 .3em}
 h2{margin-top:1.6em}.page>h2{margin-top:.4em}
-h2,h3{break-after:avoid}.data tr,figure,.note,.banner{break-inside:avoid}
+h2,h3,h2+p:not(:last-child),h3+p:not(:last-child){break-after:avoid}.data tr,figure,.note,.banner{break-inside:avoid}
 .data thead{display:table-header-group}.pictures{grid-template-columns:1fr 1fr}
 figure svg{max-height:225mm}
 a{color:inherit;text-decoration:none}.data th,.data td{padding:.25em .4em}}

@@ -26,7 +26,7 @@ def holds_a_place(text: str, words: str = "") -> bool:
 
 def names_a_person(text: str) -> bool:
     """Whether a text can be the name of a person: it has two letters before any principal."""
-    return sum(map(str.isalpha, _without_principal(text))) >= 2
+    return sum(map(str.isalpha, without_principal(text))) >= 2
 
 
 def principal_of(name: str) -> str:
@@ -35,7 +35,8 @@ def principal_of(name: str) -> str:
     return "" if found is None else found[2]
 
 
-def _without_principal(name: str) -> str:
+def without_principal(name: str) -> str:
+    """Return the name of a person without the principal after it."""
     found = _WITH_PRINCIPAL.fullmatch(name)
     return name if found is None else found[1]
 
@@ -48,7 +49,7 @@ def same_person(one: str, other: str) -> bool:
     principal = principal_of(one).casefold()
     if principal and principal == principal_of(other).casefold():
         return True
-    return _plain(_without_principal(one)) == _plain(_without_principal(other))
+    return _plain(without_principal(one)) == _plain(without_principal(other))
 
 
 def _plain(name: str) -> str:

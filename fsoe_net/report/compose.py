@@ -30,6 +30,7 @@ from fsoe_net.document.model import (
     strong,
 )
 from fsoe_net.model.report_facts import Logo
+from fsoe_net.model.written import without_principal
 from fsoe_net.report.first_page import first_page, title_block
 from fsoe_net.report.inputs import ReportInputs
 from fsoe_net.report.model import LEVELS, Point, PointKind, ReportDocument, ReportSection
@@ -187,7 +188,8 @@ def _signed(inputs: ReportInputs) -> tuple[str, bool]:
         return "signed for another configuration", False
     if inputs.signed is not None and inputs.signed.against:
         return "signatures DO NOT HOLD", False
-    people = f"{given.record.author.name} and {given.record.verifier.name}"
+    names = (given.record.author.name, given.record.verifier.name)
+    people = " and ".join(map(without_principal, names))
     # A record only names persons; a signature shows that they have seen it.
     if inputs.signed is None:
         return f"accepted by {people}, signatures not checked", False

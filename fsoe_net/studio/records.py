@@ -179,8 +179,8 @@ def document_response(document: Document, status: int = 200) -> Response:
     allowed = " ".join(f"'sha256-{value}'" for value in hashes)
     # Hashes of style attributes count with 'unsafe-hashes' only (CSP level 3).
     policy = (
-        f"default-src 'none'; style-src 'unsafe-hashes' {allowed}; sandbox; base-uri 'none'; "
-        "form-action 'none'; frame-ancestors 'self'"
+        f"default-src 'none'; img-src data:; style-src 'unsafe-hashes' {allowed}; sandbox; "
+        "base-uri 'none'; form-action 'none'; frame-ancestors 'self'"
     )
     headers = {
         "content-security-policy": policy,

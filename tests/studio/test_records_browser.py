@@ -17,6 +17,7 @@ from studio.server_rig import Studio, running
 
 from fsoe_net.studio.workspace import Workspace
 
+ROOT = Path(__file__).parents[2]
 OF_ANOTHER = """() => localStorage.setItem('fsoe-net test record other step trigger old',
   JSON.stringify({step: 'trigger old', subdevice: '', now: {result: 'as expected'}}))"""
 
@@ -42,6 +43,9 @@ def tablet(chromium: Any) -> Iterator[Any]:
 
 def test_documents_are_shown_and_run_nothing(tablet: Any, path: Path) -> None:
     said: list[str] = []
+    shutil.copy(ROOT / "docs" / "images" / "report.png", path.parent / "logo.png")
+    with path.open("a", encoding="utf-8") as file:
+        file.write("report: {logo: logo.png}\n")
     with running(path) as studio:
         page = tablet.new_page()
         page.on("console", lambda message: said.append(message.text))
@@ -50,6 +54,7 @@ def test_documents_are_shown_and_run_nothing(tablet: Any, path: Path) -> None:
         page.get_by_role("button", name="Show the report").click()
         report = page.frame_locator("iframe[title=Report]")
         report.locator("h1").wait_for()
+        assert report.locator("img.logo").evaluate("i => i.decode().then(() => i.naturalWidth)") > 0
         assert report.locator("svg rect").first.evaluate("r => getComputedStyle(r).fill") != ""
         with tablet.expect_page() as opened:
             page.get_by_role("link", name="Open in a tab").click()
