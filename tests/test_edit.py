@@ -61,6 +61,16 @@ def test_a_value_is_changed_checked_and_saved(network):
     ]
 
 
+def test_the_title_block_of_reports_is_kept(network):
+    path = Path("network.yaml")
+    block = "report:  # of the customer\n  number: 0815\n  logo: logo.png\n"
+    path.write_text(path.read_text("utf-8").replace("nets:\n", f"{block}\nnets:\n", 1), "utf-8")
+    edit = fsoe_net.load("network.yaml").edit()
+    edit.document["nets"][0]["connections"][0]["watchdog_ms"] = 150
+    edit.save()
+    assert block in path.read_text("utf-8")
+
+
 def test_parts_come_and_go(network):
     edit = network.edit()
     edit.document["nets"][0]["connections"].clear()

@@ -106,7 +106,8 @@ padding:.35em .7em}.sealbox{margin:.3em 0}nav{break-inside:avoid}
 .toc{columns:3;font-size:.88em}.page{break-before:page}.page .data{line-height:1.35}
 .page h3{margin:1em 0 .3em}
 h2{margin-top:1.6em}.page>h2{margin-top:.4em}
-h2,h3,h2+p:not(:last-child),h3+p:not(:last-child){break-after:avoid}.data tr,figure,.note,.banner{break-inside:avoid}
+h2,h3,h2+p:not(:last-child),h3+p:not(:last-child){break-after:avoid}
+.data tr,figure,.note,.banner{break-inside:avoid}
 .data thead{display:table-header-group}.pictures{grid-template-columns:1fr 1fr}
 figure svg{max-height:225mm}
 a{color:inherit;text-decoration:none}.data th,.data td{padding:.25em .4em}}
