@@ -33,7 +33,7 @@ body{font:15px/1.5 system-ui,-apple-system,"Segoe UI","Liberation Sans",sans-ser
 color:var(--ink);background:var(--back);max-width:1080px;margin:0 auto;padding:1.2em 1em 4em}
 h1{margin:.2em 0 0;font-size:1.9em;line-height:1.2}
 h2{margin:2.4em 0 .6em;padding-bottom:.25em;border-bottom:2px solid var(--ink);font-size:1.35em}
-h3{margin:1.5em 0 .4em;font-size:1.05em}
+h3,.first h2{margin:1.5em 0 .4em;font-size:1.05em}.first h2{border:0;padding:0}
 h2 .no{display:inline-block;min-width:1.5em;color:var(--soft)}
 .logo{float:right;max-width:15em;max-height:4.2em;margin:0 0 .6em 1.5em}
 p{margin:.5em 0}a{color:var(--blue)}.under,.muted,.unit,.below,figcaption{color:var(--soft)}
@@ -100,12 +100,12 @@ print-color-adjust:exact}
 .pagefoot{border-top:1px solid #000;padding-top:1mm;margin-top:3mm;font-size:8pt}
 .pagehead{display:table;table-layout:fixed;width:100%}.pagehead>span{display:table-cell}
 .pagehead>.seal{width:15em;text-align:right}.pagehead>span,.pagefoot{white-space:nowrap;overflow:hidden;text-overflow:ellipsis}
-.first h1{font-size:1.6em}.first h3{margin:1em 0 .3em}.first .banner{font-size:1.15em;margin:.7em 0;
+.first h1{font-size:1.6em}.first h2{margin:1em 0 .3em}.first .banner{font-size:1.15em;margin:.7em 0;
 padding:.35em .7em}.sealbox{margin:.3em 0}nav{break-inside:avoid}
 .blank{border-bottom:.5pt solid #888}
 .toc{columns:3;font-size:.88em}.page{break-before:page}.page .data{line-height:1.35}
 .page h3{margin:1em 0 .3em}
-h2{margin-top:1.6em}.page>h2{margin-top:.4em}
+main h2{margin-top:1.6em}main .page>h2{margin-top:.4em}
 h2,h3,h2+p:not(:last-child),h3+p:not(:last-child){break-after:avoid}
 .data tr,figure,.note,.banner{break-inside:avoid}
 .data thead{display:table-header-group}.pictures{grid-template-columns:1fr 1fr}

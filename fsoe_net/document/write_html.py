@@ -38,7 +38,7 @@ def document_html(document: Document) -> str:
     foot = " · ".join(w for w in (f"fsoe-net {escape(d.version)}", escape(d.foot)) if w)
     marks = section_marks(d.sections) if d.numbered else [""] * len(d.sections)
     sections = [_section(mark, s) for mark, s in zip(marks, d.sections, strict=True)]
-    body = "\n".join([_first(d), *sections])
+    body = f"{_first(d)}\n<main>{chr(10).join(sections)}</main>"
     kind = ' class="landscape"' if d.landscape else ""
     title = escape(": ".join(w for w in (d.title, d.subtitle) if w))
     return (
@@ -71,13 +71,13 @@ def _first(d: Document) -> str:
         rows.append(
             f'<p class="sealbox">Fingerprint <span class="seal">{escape(d.seal)}</span></p>'
         )
-    rows += [_part(p) for p in d.lead]
+    rows += [_part(p, heading="h2") for p in d.lead]
     if d.numbered:
         links = (
             f'<li>{mark} <a href="#{escape(s.key)}">{escape(s.title)}</a></li>'
             for mark, s in zip(section_marks(d.sections), d.sections, strict=True)
         )
-        rows.append(f'<nav><h3>Contents</h3><ul class="toc">{"".join(links)}</ul></nav>')
+        rows.append(f'<nav><h2>Contents</h2><ul class="toc">{"".join(links)}</ul></nav>')
     return f'<header class="first">{"".join(rows)}</header>'
 
 
@@ -100,9 +100,9 @@ def _section(mark: str, section: Section) -> str:
     return f'<section id="{escape(section.key)}"{kind}>{head}{"".join(parts)}</section>'
 
 
-def _part(part: Part) -> str:
+def _part(part: Part, *, heading: str = "h3") -> str:
     if isinstance(part, Heading):
-        return f"<h3>{escape(part.text)}</h3>"
+        return f"<{heading}>{escape(part.text)}</{heading}>"
     if isinstance(part, Paragraph):
         text = "".join(_item(i) for i in part.items)
         return f'<p class="note">{text}</p>' if part.note else f"<p>{text}</p>"

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 from networks import EXAMPLES
 from report.made import inputs_of
+from studio.browser import accessible, chromium  # noqa: F401 - a fixture
 
 from fsoe_net.document.style import STYLE
 from fsoe_net.report.compose import compose_report
 from fsoe_net.report.formats import render_report
 from fsoe_net.version import __version__
 
-PAGE = (Path(__file__).parents[2] / "docs" / "extra" / "specimen.html").read_text("utf-8")
+PATH = Path(__file__).parents[2] / "docs" / "extra" / "specimen.html"
+PAGE = PATH.read_text("utf-8")
 AGAIN = "the report has changed: run scripts/specimen, and look at docs/extra/specimen.html"
 
 
@@ -46,6 +49,13 @@ def test_the_specimen_has_passed_and_names_that_it_is_invented():
     assert "<h1>Specimen, an invented press with an e-stop</h1>" in PAGE
     assert "specimen, nothing was measured" in PAGE
     assert "evidence and no certificate" in PAGE
+
+
+def test_the_specimen_is_accessible_in_both_themes(chromium: Any):  # noqa: F811
+    page = chromium.new_page(viewport={"width": 1280, "height": 800})
+    page.goto(PATH.as_uri())
+    accessible(page, "light", "dark")
+    page.close()
 
 
 def test_the_specimen_has_no_private_key_and_no_path_of_a_machine():
