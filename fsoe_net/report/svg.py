@@ -189,13 +189,19 @@ def _arc(
     shift = 10 * (number % 4) - 15
     start, end = x1 + _BOX_WIDTH / 2 + shift, x2 + _BOX_WIDTH / 2 + shift / 2
     lift = 30 + 13 * (number % 5) + abs(end - start) / 30
-    top = min(y1, y2) - lift
+    bend = min(y1, y2) - lift
+    middle = bend + lift * 0.25 + 4
+    # Between two rows, below the upper box: above it, the line would cross that row.
+    if y1 != y2:
+        y1, y2 = (y + _BOX_HEIGHT if y == min(y1, y2) else y for y in (y1, y2))
+        middle = (y1 + y2) / 2 + 4
+        bend = middle
     line = (
-        f'<path d="M{start:g},{y1:g} C{start:g},{top:g} {end:g},{top:g} {end:g},{y2:g}" '
+        f'<path d="M{start:g},{y1:g} C{start:g},{bend:g} {end:g},{bend:g} {end:g},{y2:g}" '
         f'class="arc" stroke-dasharray="{_DASHES[number % len(_DASHES)]}" '
         f'style="stroke:{_colour(number)}"/>'
     )
-    return line, (start + end) / 2, top + lift * 0.25 + 4
+    return line, (start + end) / 2, middle
 
 
 def copy_picture(plan: Plan, number: int) -> str:

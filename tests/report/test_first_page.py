@@ -10,6 +10,7 @@ from base64 import b64encode
 from dataclasses import replace
 from html import escape
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 from networks import example
@@ -343,3 +344,20 @@ def test_an_empty_title_block_is_filled_in_by_hand():
     block = page.partition("Document number")[2].partition("</table>")[0]
     assert block.count('<span class="blank"></span>') == 4
     assert "<img" not in page
+
+
+def test_a_connection_between_two_buses_crosses_no_box_of_either():
+    plan = compile_plan(example("two-buses"))
+    svg = ElementTree.fromstring(topology_picture(plan))
+    tops = sorted({float(box.get("y", "")) for box in svg.iter("rect") if "rx" in box.attrib})
+    high = next(float(box.get("height", "")) for box in svg.iter("rect") if "rx" in box.attrib)
+    upper, lower = tops
+    between = []
+    for path in (p for p in svg.iter("path") if p.get("class") == "arc"):
+        heights = [float(y) for y in re.findall(r",([-\d.]+)", path.get("d", ""))]
+        # A curve stays between its lowest and its highest point of control.
+        if lower in heights:
+            between.append((min(heights), max(heights)))
+        else:
+            assert max(heights) <= upper
+    assert between == [(upper + high, lower)] * 2
