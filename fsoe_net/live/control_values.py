@@ -9,11 +9,13 @@ from __future__ import annotations
 import enum
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, TypeVar
 
 from fsoe_net.diag.words import counted
 from fsoe_net.errors import PlanFormatError
 from fsoe_net.plan.fingerprint import Fingerprint, fingerprint_from_json
+
+_Record = TypeVar("_Record", "Status", "ClocksStatus", "StandbyStatus", "BusStatus", "CycleClient")
 
 Value = bool | int | float | None
 """A value of the process image; ``None`` for a real that is NaN."""
@@ -318,19 +320,23 @@ def read_status(reply: Mapping[str, Any]) -> Status:
     row |= {k: row[k] or "" for k in ("fault", "interface", "redundant", "plan")}
     row["ring"] = None if (ring := reply.get("ring")) is None else _ring(ring)
     clocks = reply.get("clocks")
-    row["clocks"] = None if clocks is None else ClocksStatus(**clocks)
+    row["clocks"] = None if clocks is None else _known(ClocksStatus, clocks)
     standby = reply.get("standby")
-    row["standby"] = None if standby is None else StandbyStatus(**standby)
+    row["standby"] = None if standby is None else _known(StandbyStatus, standby)
     row["interventions"] = _log_status(reply.get("interventions"))
     reported = reply.get("fingerprint")
     row["fingerprint"] = None if reported is None else _fingerprint(reported)
     row["version"] = "" if reported is None else str(reported["version"])
     row["buses"] = tuple(map(_bus_status, reply.get("buses", ())))
-    row["in_cycle"] = tuple(CycleClient(**client) for client in reply.get("in_cycle", ()))
+    row["in_cycle"] = tuple(_known(CycleClient, client) for client in reply.get("in_cycle", ()))
     row["absent"] = int(reply["subdevices"].get("absent", 0))
     row["groups"] = tuple(map(_group_status, reply.get("groups", ())))
-    # Only known fields: a newer fsn-master may report more than this version reads.
-    return Status(**{f.name: row[f.name] for f in fields(Status)})
+    return _known(Status, row)
+
+
+def _known(kind: type[_Record], row: Mapping[str, Any]) -> _Record:
+    """Return a record from its keys: a newer fsn-master may report more than this version reads."""
+    return kind(**{f.name: row[f.name] for f in fields(kind)})
 
 
 def _ring(row: Mapping[str, Any]) -> RingStatus:
@@ -344,8 +350,7 @@ def _ring(row: Mapping[str, Any]) -> RingStatus:
 
 
 def _bus_status(row: Mapping[str, Any]) -> BusStatus:
-    values = {**row, "interface": row["interface"] or ""}
-    return BusStatus(**{f.name: values[f.name] for f in fields(BusStatus)})
+    return _known(BusStatus, {**row, "interface": row["interface"] or ""})
 
 
 def _group_status(row: Mapping[str, Any]) -> GroupStatus:

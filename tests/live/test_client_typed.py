@@ -3,7 +3,7 @@
 import itertools
 import sys
 import tempfile
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -15,6 +15,7 @@ from fsoe_net.live.client import Client
 from fsoe_net.live.console.names import SymbolNames
 from fsoe_net.live.control_values import BusState
 from fsoe_net.live.sockets import control_socket, find_socket
+from fsoe_net.testing import fake_master
 from fsoe_net.testing.fake_master import FakeMaster
 
 
@@ -48,6 +49,28 @@ def test_state_and_values(master, client):
     assert master.asked[-1] == "get --typed drive_1.position"
     assert both.outputs == {"drive_1.position": 700}
     assert both.inputs == {"drive_1.position": 0}  # where the axis is, not where it shall go
+
+
+CLOCKS = {
+    **dict.fromkeys(("state", "set_by", "reference", "place"), ""),
+    **dict.fromkeys(("subdevices", "outside", "leaves", "window_ns"), 0),
+    **dict.fromkeys(("worst_ns", "shift_ns", "lead_ns"), 0),
+}
+CLIENT = {"state": "runs"} | dict.fromkeys(
+    ("client", "outputs", "misses", "on_time", "late", "missed", "torn"), 3
+)
+
+
+@pytest.mark.parametrize(
+    ("key", "row"), [("clocks", CLOCKS), ("standby", {"pid": 7, "held": True}), ("client", CLIENT)]
+)
+def test_unknown_keys_of_a_newer_fsn_master_are_ignored(client, monkeypatch, key, row):
+    newer = row | {"temperature": 40}
+    part = {"in_cycle": [newer]} if key == "client" else {key: newer}
+    monkeypatch.setattr(fake_master, "STATUS", fake_master.STATUS | part)
+    status = client.status()
+    record = status.in_cycle[0] if key == "client" else getattr(status, key)
+    assert asdict(record) == row
 
 
 @pytest.mark.parametrize(
