@@ -61,6 +61,11 @@ def drive_axes(layout: DeviceLayout) -> tuple[DriveAxis, ...]:
     return tuple(axes)
 
 
+def is_controlword(index: int) -> bool:
+    """Return whether an object is the controlword of an axis."""
+    return index in range(CONTROLWORD, CONTROLWORD + MOST_AXES * AXIS_STEP, AXIS_STEP)
+
+
 def with_mode(device: Device, mode: int, span: Span) -> Device:
     """Return a device whose axis 0 gets this mode of operation as default in every cycle.
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from fsoe_net.fsoe.pdu import is_frame_length, safe_byte_offset, safe_data_length
-from fsoe_net.model.resolve import Connection
+from fsoe_net.model.resolve import Connection, Resolution
 from fsoe_net.model.safety import ElementKind, SafeBit, SafetyElement, SafetyFunction
 from fsoe_net.model.signals import Signal, signals_of
 from fsoe_net.model.transfer_ends import ResolvedEnd, ResolvedTransfer
@@ -103,3 +103,17 @@ def frame_words(element: SafetyElement, bit: SafeBit) -> str:
     slot = "" if bit.slot is None else f" of slot {bit.slot}"
     way = "from" if element.kind is ElementKind.INPUT else "to"
     return f"the frame{slot} {way} {element.sub}"
+
+
+def bit_names(resolution: Resolution) -> dict[str, str]:
+    """Return the names that safety functions give to entries of safe data, by `Signal.name`."""
+    found: dict[str, str] = {}
+    for function in resolution.network.safety_functions:
+        for element in function.elements:
+            frames = element_frames(element, function, resolution.connections)
+            for bit in element.bits:
+                frame = frame_of(bit, frames)
+                entry = None if frame is None else frame.entry_of(bit.bit)
+                if entry is not None and entry.bits == 1:
+                    found.setdefault(f"{element.sub}{entry.name}", bit.name)
+    return found

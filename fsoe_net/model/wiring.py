@@ -8,6 +8,7 @@ than following SubDevices, the last cable returns to the MainDevice: a ring.
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 from fsoe_net.model.scan import Scan, ScannedSubDevice
@@ -80,3 +81,29 @@ def _ends(sub: ScannedSubDevice) -> list[tuple[int, int]]:
     """Return the ports that may have a following device, the first one last."""
     linked = {port.port for port in sub.ports if port.link}
     return [(sub.position, port) for port in reversed(_ORDER) if port in linked]
+
+
+def reached(
+    parents: Sequence[int | None], ring_ends: Sequence[int], cut: Collection[int]
+) -> frozenset[int]:
+    """Return the SubDevices that frames of the MainDevice still reach.
+
+    Args:
+        parents: The device before each SubDevice; ``None`` for the MainDevice.
+        ring_ends: SubDevices from which one more cable returns to the MainDevice.
+        cut: Numbers of cut cables: first the one before each SubDevice, then those of
+            ``ring_ends``.
+    """
+    neighbours: dict[int | None, list[int | None]] = {}
+    cables = [*enumerate(parents), *((end, None) for end in ring_ends)]
+    for number, (one, other) in enumerate(cables):
+        if number not in cut:
+            neighbours.setdefault(one, []).append(other)
+            neighbours.setdefault(other, []).append(one)
+    found: set[int | None] = {None}
+    waiting: list[int | None] = [None]
+    while waiting:
+        new = set(neighbours.get(waiting.pop(), ())) - found
+        found |= new
+        waiting += new
+    return frozenset(place for place in found if place is not None)

@@ -5,12 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from networks import resolved
+from networks import EXAMPLES, resolved
 
 from fsoe_net.fsoe.pdu import SAFE_SIZES, Pdu
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.model.safe_bits import (
     ElementFrame,
+    bit_names,
     bit_words,
     element_frames,
     frame_of,
@@ -103,3 +104,15 @@ def test_words_name_frame_and_slot() -> None:
             f"K1 is bit 0 of the frame {way} io",
             f"K2 is bit 9 of the frame of slot 3 {way} io",
         ]
+
+
+def test_a_bit_of_a_safety_function_names_the_entry_of_its_subdevice() -> None:
+    cell = resolved(EXAMPLES / "robot-cell" / "network.yaml")
+    assert bit_names(cell) == {
+        "el1904.0x6001:01": "ES1 channel A",
+        "el1904.0x6001:02": "ES1 channel B",
+        "axis_1.0x6640:00": "STO",
+        "axis_1.0x6650:01": "SS1",
+        "axis_2.0x6640:00": "STO",
+        "axis_2.0x6650:01": "SS1",
+    }

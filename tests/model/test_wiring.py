@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fsoe_net.model.scan import Scan, ScannedPort, ScannedSubDevice
-from fsoe_net.model.wiring import Cable, Wiring, wiring_of
+from fsoe_net.model.wiring import Cable, Wiring, reached, wiring_of
 
 ORDER = (3, 1, 2)
 
@@ -90,3 +90,29 @@ def test_every_tree_is_found_again(tree: dict[int, object]) -> None:
 
     walk(tree, None, 0)
     assert wiring_of(_scan(*links)) == Wiring(cables=_cables(*cables))
+
+
+LINE = (None, 0, 1)
+TREE = (None, 0, 1, 0)  # 3 branches off at 0
+TWO_BUSES = (None, 0, None, 2)
+
+
+@pytest.mark.parametrize(
+    ("parents", "rings", "cut", "left"),
+    [
+        (LINE, (), (), {0, 1, 2}),
+        (LINE, (), (0,), set()),
+        (LINE, (), (1,), {0}),
+        (TREE, (), (1,), {0, 3}),
+        (TREE, (), (3,), {0, 1, 2}),
+        (LINE, (2,), (1,), {0, 1, 2}),  # a ring: 1 and 2 are reached from its other end
+        (LINE, (2,), (3,), {0, 1, 2}),  # 3 is the cable that closes it
+        (LINE, (2,), (1, 3), {0}),
+        (LINE, (2,), (0, 2), {2}),
+        (TWO_BUSES, (), (0,), {2, 3}),
+    ],
+)
+def test_subdevices_before_a_cut_cable_or_on_the_other_side_of_a_ring_are_reached(
+    parents: tuple[int | None, ...], rings: tuple[int, ...], cut: tuple[int, ...], left: set[int]
+) -> None:
+    assert reached(parents, rings, cut) == left
