@@ -57,7 +57,8 @@ class SegmentSession(ScenarioRun):
     def _of(self, name: str) -> Segment:
         return next(segment for segment in self.segments if name in segment.names)
 
-    def _set_present(self, name: str, present: bool) -> None:
+    def set_present(self, name: str, present: bool) -> None:
+        """Unplug a SubDevice or plug it in."""
         segment = self._of(name)
         segment.set_present(segment.position(name), present)
         if present:  # a reconnected device starts as after power-on, including its FSoE end

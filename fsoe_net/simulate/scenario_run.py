@@ -146,7 +146,7 @@ class ScenarioRun(abc.ABC):
             self._engine = Engine(
                 self.network,
                 self.scenario,
-                set_present=self._set_present,
+                set_present=self.set_present,
                 plug=self._plug,
                 is_due=self.is_due,
                 set_output=self._set_output,
@@ -156,7 +156,7 @@ class ScenarioRun(abc.ABC):
         return self._engine
 
     @abc.abstractmethod
-    def _set_present(self, name: str, present: bool) -> None:
+    def set_present(self, name: str, present: bool) -> None:
         """Unplug a SubDevice or plug it in."""
 
     @abc.abstractmethod
@@ -172,7 +172,7 @@ class ScenarioRun(abc.ABC):
         group = next(g for g in self.records.groups if g.name == name)
         for number in range(group.subdevice_count):
             member = self.plan.subdevice_names[group.first_subdevice + number]
-            self._set_present(member, present)
+            self.set_present(member, present)
             # A device that is plugged in starts from power-on.
             if present and member in self.network.devices:
                 self.network.devices[member].power_cycle()

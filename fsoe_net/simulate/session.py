@@ -94,7 +94,8 @@ class Session(ScenarioRun):
         stated = self.scenario.duration_ns if self.scenario else None
         return stated or DEFAULT_DURATION_NS
 
-    def _set_present(self, name: str, present: bool) -> None:
+    def set_present(self, name: str, present: bool) -> None:
+        """Unplug a SubDevice or plug it in."""
         self.returns[name] += present and name in self.absent
         (self.absent.discard if present else self.absent.add)(name)
         self.bus.set_present(self.plan.subdevice_names.index(name), present)

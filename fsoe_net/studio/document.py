@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 from fsoe_net.compare.scan_match import first_master, match_subdevices
 from fsoe_net.diag.diagnostic import Diagnostic, Span
@@ -31,7 +32,7 @@ from fsoe_net.timing.watchdogs import Limit, WatchdogBudget
 _ROLES = {(True, True): "both", (True, False): "main", (False, True): "sub", (False, False): ""}
 
 
-def cables_of(network: NetworkConfig, scan: Scan) -> dict[str, object]:
+def cables_of(network: NetworkConfig, scan: Scan) -> dict[str, Any]:
     """Return the cables as plain JSON values; see ``assets/types.d.ts``.
 
     Args:
@@ -82,10 +83,8 @@ def state_of(workspace: Workspace, scan: tuple[str, Scan] | None = None) -> Row:
     connections: list[Row] = []
     proposals: Row = {}
     if resolution is not None:
-        used, library = _used(resolution), library_of(resolution.network)
-        subdevices = [
-            _subdevice(s, used, resolution, library) for s in resolution.network.subdevices
-        ]
+        library = library_of(resolution.network)
+        subdevices = subdevice_rows(resolution, library)
         budget = make_budget(resolution, library)
         connections = [_connection(row, workspace.path) for row in budget.connections]
         proposals = {key: _next_free(key, resolution) for key in ("address", "connection_id")}
@@ -126,6 +125,12 @@ def content_of(checked: Checked) -> str:
         return ""
     rows = "\n".join(f"{source.sha256} {source.path}" for source in checked.network.sources)
     return hashlib.sha256(rows.encode("utf-8", "surrogateescape")).hexdigest()
+
+
+def subdevice_rows(resolution: Resolution, library: Library) -> list[Row]:
+    """Return the SubDevices of a network, in the order of its file."""
+    used = _used(resolution)
+    return [_subdevice(s, used, resolution, library) for s in resolution.network.subdevices]
 
 
 def _used(resolution: Resolution) -> dict[tuple[str, int], int]:

@@ -13,6 +13,7 @@ from starlette.responses import JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 
 from fsoe_net.errors import FsnError, InputError
+from fsoe_net.model.scan import Scan
 from fsoe_net.project.check import whole_network
 from fsoe_net.studio.document import content_of
 from fsoe_net.studio.live_control import LiveControl
@@ -36,7 +37,9 @@ class Live:
         workspace: The network that can be run.
         socket: Control socket of a running ``fsn-master``, or ``None``.
         ended: Whether the server is stopping.
+        scan: Returns the scan that shows the cables of the network.
         allow_control: Whether a page may also control the bus of that ``fsn-master``.
+        runs_emulated: Whether an emulated run starts with the server.
     """
 
     def __init__(
@@ -44,12 +47,13 @@ class Live:
         workspace: Workspace,
         socket: str | None,
         ended: Callable[[], bool],
+        scan: Callable[[], Scan | None],
         *,
         allow_control: bool = False,
         runs_emulated: bool = False,
     ) -> None:
         self._workspace, self._runs_emulated = workspace, runs_emulated
-        self._ended = ended
+        self._ended, self._scan = ended, scan
         self._starting, self._controlling = asyncio.Lock(), asyncio.Lock()
         self._master = None if socket is None else MasterFeed(socket)
         note = (lambda _: None) if self._master is None else self._master.note
@@ -60,6 +64,7 @@ class Live:
             "end": self._end,
             "command": self._command,
             "hold": self._hold,
+            "cable": self._cable,
             "scope": self._scope,
             "open": _open,
         }
@@ -67,6 +72,7 @@ class Live:
             Route("/api/live", self._sources),
             Route("/api/live/stream", self._stream),
             Route("/api/live/signals", self._signals),
+            Route("/api/live/machine", self._machine),
             Route("/api/live/document", self._document),
             Route("/api/live/{act}", self._act, methods=["POST"]),
         ]
@@ -152,6 +158,14 @@ class Live:
             return _refused(exc)
         return JSONResponse({"error": "", "signals": printed(rows)})
 
+    async def _machine(self, request: Request) -> Response:
+        try:
+            feed = self._feed(request.query_params.get("source"))
+            row = await run_in_threadpool(feed.machine)
+        except FsnError as exc:
+            return _refused(exc)
+        return JSONResponse({"error": "", "machine": printed(row)})
+
     async def _document(self, request: Request) -> Response:
         try:
             feed = self._feed(request.query_params.get("source"))
@@ -189,7 +203,8 @@ class Live:
 
     def _start(self, _: Body) -> Row:
         checked = self._workspace.checked
-        feed = EmulatedFeed(whole_network(checked, "nothing started"), content_of(checked))
+        network = whole_network(checked, "nothing started")
+        feed = EmulatedFeed(network, content_of(checked), self._scan())
         if self._emulated is not None:
             self._emulated.close()
         self._emulated = feed
@@ -213,6 +228,13 @@ class Live:
         if type(ms) is not int or not 0 < ms <= MOST_HELD_MS:
             raise InputError(f"frames are held for 1 to {MOST_HELD_MS} ms, a whole number")
         self._started().hold(ms)
+        return {}
+
+    def _cable(self, body: Body) -> Row:
+        number, whole = body.get("number"), body.get("whole")
+        if type(number) is not int or type(whole) is not bool:
+            raise InputError("number is that of a cable, whole is true or false")
+        self._started().set_cable(number, whole=whole)
         return {}
 
     def _started(self) -> EmulatedFeed:

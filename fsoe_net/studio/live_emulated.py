@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
-import math
 import queue
-import struct
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
-from dataclasses import dataclass
 from typing import TypeVar
 
 from fsoe_net.core.bus_documents import SubDeviceSnapshot, read_subdevice
@@ -20,15 +16,12 @@ from fsoe_net.errors import FsnError, InputError
 from fsoe_net.live.health import bus_health, in_operation, subdevice_health
 from fsoe_net.live.result import result_health, state_fields
 from fsoe_net.model.resolve import Resolution
-from fsoe_net.model.symbols import directed_names
-from fsoe_net.plan.model import PlanSymbol
+from fsoe_net.model.scan import Scan
 from fsoe_net.project.simulate import prepare
-from fsoe_net.simulate.bus import EmulatedDevices
 from fsoe_net.simulate.commands import CommandError
 from fsoe_net.simulate.emulated_documents import subdevices_json
-from fsoe_net.simulate.port import Port
-from fsoe_net.simulate.session import Session
 from fsoe_net.studio.live_feed import ALONE_S, PICTURE_S, LiveFeed, ScopeRing
+from fsoe_net.studio.live_machine import EmulatedMachine
 from fsoe_net.studio.live_rows import (
     Row,
     connection_row,
@@ -36,6 +29,7 @@ from fsoe_net.studio.live_rows import (
     statistics_row,
     subdevice_row,
 )
+from fsoe_net.studio.live_signals import first_signals, scope_signals
 from fsoe_net.version import __version__
 
 FORGOTTEN_S = 600.0
@@ -44,7 +38,6 @@ MOST_HELD_MS = 10_000
 
 _BEHIND_NS = 100_000_000  # larger delays are not caught up
 _REPLY_S = 30.0
-_SIGNED, _REAL = 2, 4  # kinds of a `PlanSymbol`
 
 _T = TypeVar("_T")
 _Order = tuple[Callable[[int], object], "Future[object]"]
@@ -56,13 +49,14 @@ class EmulatedFeed(LiveFeed):
     Args:
         resolution: The network.
         content: Hash of the content of its files.
+        scan: Scan that shows the cables of its first bus, or ``None``.
 
     Raises:
         InputError: There is nothing to run.
         CoreMissing: The compiled part is missing.
     """
 
-    def __init__(self, resolution: Resolution, content: str) -> None:
+    def __init__(self, resolution: Resolution, content: str, scan: Scan | None = None) -> None:
         super().__init__("emulated")
         self._session = prepare(resolution, None, None, virtual=False)
         self._content = content
@@ -72,8 +66,9 @@ class EmulatedFeed(LiveFeed):
         self._now_ns = self._held_until_ns = 0
         self._pace = _Pace()
         self._fault = ""
-        self._signals = _signals(self._session)
-        self.scope = ScopeRing(_first_signals(self._session, self._signals), 1)
+        self._machine = EmulatedMachine(self._session, scan)
+        self._signals = scope_signals(self._session, self._machine.label)
+        self.scope = ScopeRing(first_signals(self._session, self._signals), 1)
         self._look(ended=False)
 
     def names(self) -> Row:
@@ -87,7 +82,7 @@ class EmulatedFeed(LiveFeed):
             "inputs": [
                 {
                     "name": name,
-                    "label": ports[name].sends[name].label,
+                    "label": self._machine.label(ports[name].sends[name]),
                     "subdevice": ports[name].setup.connection.sub.name,
                     "most": most,
                     "watched": name in watched,
@@ -121,6 +116,8 @@ class EmulatedFeed(LiveFeed):
 
             def obey(now_ns: int, line: str = line, number: int = number) -> None:
                 self._session.do_command(line, number, now_ns)
+                # A SubDevice after a cut cable does not return by `heal` or `plug`.
+                self._machine.apply_cables()
 
             try:
                 self._order(obey)
@@ -144,6 +141,24 @@ class EmulatedFeed(LiveFeed):
             self._session.engine.log(now_ns, "bus", f"no frames for {ms} ms")
 
         self._order(obey)
+
+    def set_cable(self, cable: int, *, whole: bool) -> None:
+        """Cut a cable of the picture, or repair it.
+
+        Raises:
+            InputError: Unknown cable, or the run has ended.
+        """
+
+        def obey(now_ns: int) -> None:
+            ends = self._machine.set_cable(cable, whole=whole)
+            text = f"{ends} {'repaired' if whole else 'cut'}"
+            self._session.engine.log(now_ns, "bus", text)
+
+        self._order(obey)
+
+    def machine(self) -> Row:
+        """Return the picture of the network."""
+        return self._machine.row()
 
     def document(self) -> Row:
         """Return the document of `fsoe-net run --format json`."""
@@ -271,10 +286,8 @@ class EmulatedFeed(LiveFeed):
                 "now_ms": self._now_ns / 1e6,
                 "pace": self._pace.share(self._now_ns),
                 "content": self._content,
-                "notes": [
-                    f"outputs of {d.name}: {'on' if d.logic.on else 'off'}"
-                    for d in session.network.masters
-                ],
+                "notes": [],
+                "machine": self._machine.view(),
                 "connections": [
                     connection_row(c, h, cause=c.last_reset_text, held=0)
                     for c, h in zip(results, health, strict=True)
@@ -318,88 +331,3 @@ class _Pace:
         begun_ns, from_ns = self._marks[0]
         past_ns = clock_ns - begun_ns
         return round((now_ns - from_ns) / past_ns, 3) if past_ns >= 1_000_000_000 else None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Signal:
-    """A signal for the scope, with its reader for devices or a process image."""
-
-    name: str
-    is_output: bool
-    kind: str
-    label: str
-    read: Callable[[bytes], float | None]
-
-
-def _signals(session: Session) -> dict[str, _Signal]:
-    """Return the signals by unique names: see `directed_names`."""
-    rows = list(_all_signals(session))
-    names = directed_names([(row.is_output, row.name) for row in rows])
-    found: dict[str, _Signal] = {}
-    for name, row in zip(names, rows, strict=True):
-        found.setdefault(name, row)
-    return found
-
-
-def _all_signals(session: Session) -> Iterator[_Signal]:
-    network = session.network
-    for name, port in network.safe_inputs.items():
-        read = functools.partial(_safe_input, port, name)
-        label = port.sends[name].label
-        yield _Signal(name=name, is_output=False, kind="safe input", label=label, read=read)
-    for name, port in network.safe_outputs.items():
-        read = functools.partial(_safe_output, network, name)
-        label = port.receives[name].label
-        yield _Signal(name=name, is_output=True, kind="safe output", label=label, read=read)
-    for symbol in session.records.symbols:
-        base = session.core.sm_base(symbol.sm)
-        # A sync manager without process data has no place in the image.
-        if base is not None and symbol.bits <= 64:
-            yield _Signal(
-                name=symbol.name,
-                is_output=symbol.output,
-                kind="output" if symbol.output else "input",
-                label="",
-                read=_reader(symbol, base),
-            )
-
-
-def _first_signals(session: Session, signals: Mapping[str, _Signal]) -> list[str]:
-    """Return the signals to show first: some inputs of the logic, and its outputs."""
-    names = {(signal.is_output, signal.name): name for name, signal in signals.items()}
-    devices = session.network.masters
-    inputs = [names[False, name] for device in devices for _, name in device.logic_inputs]
-    outputs = [names[True, name] for device in devices for _, name in device.logic_outputs]
-    return [*inputs[:3], *outputs[:3]]
-
-
-def _safe_input(port: Port, name: str, _image: bytes) -> int:
-    return port.sends[name].read(port.safe)
-
-
-def _safe_output(network: EmulatedDevices, name: str, _image: bytes) -> int:
-    return network.safe_output(name)
-
-
-def _reader(symbol: PlanSymbol, base: int) -> Callable[[bytes], float | None]:
-    first = base + symbol.bit_offset // 8
-    # Determined once, outside of the reader, which runs in each bus cycle.
-    shift, mask = symbol.bit_offset % 8, (1 << symbol.bits) - 1
-    last = first + (shift + symbol.bits + 7) // 8
-    form = {32: "<f", 64: "<d"}.get(symbol.bits)
-
-    def read(image: bytes) -> float | None:
-        raw = int.from_bytes(image[first:last], "little") >> shift & mask
-        if symbol.kind == _REAL and form is not None:
-            (real,) = struct.unpack(form, raw.to_bytes(symbol.bits // 8, "little"))
-            # JSON has no infinity and no NaN: the page would reject the whole message.
-            return float(real) if math.isfinite(real) else None
-        # Two's complement of a width without a type in `struct`.
-        if symbol.kind == _SIGNED and raw >> (symbol.bits - 1):
-            raw -= 1 << symbol.bits
-        # For outputs, factor and offset convert the value to the raw number, not back.
-        if symbol.output:
-            return (raw - symbol.offset) / symbol.factor
-        return symbol.factor * raw + symbol.offset
-
-    return read

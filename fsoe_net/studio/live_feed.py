@@ -188,6 +188,10 @@ class LiveFeed(abc.ABC):
         """Return the signals available in the scope: ``name``, ``label``, ``unit``."""
 
     @abc.abstractmethod
+    def machine(self) -> Row:
+        """Return the picture of SubDevices and cables: facts that stay the same for a plan."""
+
+    @abc.abstractmethod
     def document(self) -> Row:
         """Return the observations as the command would write them."""
 

@@ -13,7 +13,10 @@ from fsoe_net.live.client import Client
 from fsoe_net.live.control_values import Status, Symbol, WatchedCycle
 from fsoe_net.live.health import bus_health
 from fsoe_net.live.result import RunEvent
+from fsoe_net.model.drives import is_controlword
+from fsoe_net.model.kinds import SubDeviceKind
 from fsoe_net.model.symbols import directed_names
+from fsoe_net.studio.live_cabling import bus_row
 from fsoe_net.studio.live_feed import ALONE_S, PICTURE_S, LiveFeed, ScopeRing
 from fsoe_net.studio.live_rows import (
     Row,
@@ -61,6 +64,16 @@ class MasterFeed(LiveFeed):
                 {"name": name, "label": "", "kind": "output" if symbol.is_output else "input"}
                 for name, symbol in _signals(client).items()
             ]
+
+    def machine(self) -> Row:
+        """Return the picture of the bus: SubDevices of the plan, with their links.
+
+        Raises:
+            EnvironmentFault: ``fsn-master`` does not answer, or its bus is stopped.
+        """
+        with Client(self.path) as client:
+            buses = [bus.name for bus in client.status().buses]
+            return bus_row(client.subdevices(), _kinds(client), buses)
 
     def note(self, text: str) -> None:
         """Add an action of a page to the events."""
@@ -141,6 +154,22 @@ class MasterFeed(LiveFeed):
                 ring.add(round(time_ms, 3), (_value(cycle, symbol) for symbol in symbols))
 
 
+def _kinds(client: Client) -> dict[str, SubDeviceKind]:
+    """Return the kind of each SubDevice, by its process data and connections in the plan."""
+    mains = {connection.main for connection in client.connections()}
+    drives = {s.subdevice for s in client.symbols() if s.is_output and is_controlword(s.index)}
+    with_data = {sm.subdevice for sm in client.layout().sms if sm.size_bytes}
+
+    def kind(name: str) -> SubDeviceKind:
+        if name in mains:
+            return SubDeviceKind.LOGIC
+        if name in drives:
+            return SubDeviceKind.DRIVE
+        return SubDeviceKind.TERMINAL if name in with_data else SubDeviceKind.COUPLER
+
+    return {s.name: kind(s.name) for s in client.subdevices()}
+
+
 def _signals(client: Client) -> dict[str, Symbol]:
     symbols = client.symbols()
     names = directed_names([(s.is_output, s.name) for s in symbols])
@@ -177,6 +206,7 @@ def _nobody(path: str, fault: str) -> Row:
         "pace": None,
         "content": None,
         "notes": [],
+        "machine": None,
         "connections": [],
         "subdevices": [],
         "bus": health_row(bus_health(None, None, away=fault)),
@@ -199,6 +229,7 @@ def _view(path: str, view: BusView) -> Row:
         "pace": None,
         "content": None,
         "notes": [] if status is None else list(_notes(status)),
+        "machine": None,
         "connections": [
             connection_row(c.result, h, cause=c.cause, held=c.held_main + c.held_sub)
             for c, h in zip(view.connections, health.connections, strict=True)

@@ -25,6 +25,8 @@ from fsoe_net.live.result import (
     RunEventKind,
     result_health,
 )
+from fsoe_net.model.kinds import SubDeviceKind
+from fsoe_net.studio.live_cabling import bus_row
 
 Row = dict[str, object]
 
@@ -156,6 +158,7 @@ def _recorded(document: dict[str, Any]) -> Row:
         raise ValueError(f"more than {_MOST_EVENTS} events")
     subdevices = [_subdevice(row) for row in document["subdevices"]]
     statistics = document["statistics"]
+    mains = {str(row["main"]): SubDeviceKind.LOGIC for row in document["connections"]}
     return {
         "title": str(document.get("network") or document.get("socket") or ""),
         "state": "recorded",
@@ -167,6 +170,7 @@ def _recorded(document: dict[str, Any]) -> Row:
         "pace": None,
         "content": None,
         "notes": [],
+        "machine": None,
         "connections": [_connection(row, subdevices) for row in document["connections"]],
         "subdevices": [subdevice_row(subdevice_health(s)) for s in subdevices],
         "bus": None,
@@ -174,6 +178,7 @@ def _recorded(document: dict[str, Any]) -> Row:
         "first": 0,
         "left_out": int(document["events_lost"]),
         "events": [event_row(event) for event in events],
+        "picture": bus_row(subdevices, mains),
     }
 
 

@@ -171,6 +171,7 @@ class Studio:
             workspace,
             control_socket,
             lambda: self._server.should_exit,
+            lambda: None if self._uploads.scan is None else self._uploads.scan[1],
             allow_control=allow_control,
             runs_emulated=runs_emulated,
         )

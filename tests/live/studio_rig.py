@@ -21,25 +21,27 @@ def cable(network, _other):
         page = stack.enter_context(opened(stack.enter_context(launched()), f"{studio.url}#live"))
         strips, events = page.locator(".strips"), page.locator(".events")
         strips.get_by_text("✔ 1 of 1 in Data").wait_for()
-        page.get_by_text("✔ 2 in the expected state").wait_for()
+        page.locator(".device .al.good").nth(1).wait_for()  # both in OP
         resets = events.get_by_text("SubInstance resets: watchdog expired")
         before = resets.count()  # a busy machine has Resets of its own
         emulator.do("cut ek1914")
-        gone = page.locator(".subdevices li").filter(has_text="el1918")
-        gone.get_by_text("✖ none").wait_for()
-        gone.get_by_text("ek1914").wait_for()  # behind which nothing answers
-        page.get_by_text("✖ 1 of 2 not in OP").wait_for()
+        device = page.get_by_role("button", name="el1918, safety logic")
+        device.get_by_text("✖ no answer").wait_for()
+        device.press("Enter")
+        panel = page.locator(".panel")
+        panel.get_by_text("✖ none").wait_for()
+        panel.get_by_text("ek1914").wait_for()  # behind which nothing answers
         resets.nth(before).wait_for()
         strips.get_by_text("✖ 0 of 1 in Data").wait_for()
-        seen = {
-            "gone": gone.inner_text(),
-            "cause": strips.locator(".cause").first.inner_text(),
-            "verdict": page.locator(".live .verdict").inner_text(),
-        }
+        seen = {"gone": panel.inner_text(), "verdict": page.locator(".live .verdict").inner_text()}
+        page.get_by_role("button", name="FSoE connection").press("Enter")
+        seen["cause"] = panel.locator(".cause").first.inner_text()
         emulator.do("splice ek1914")
         strips.get_by_text("✔ 1 of 1 in Data").wait_for()
-        page.get_by_text("✔ 2 in the expected state").wait_for()
-        seen["back"] = gone.inner_text()
+        device.get_by_text("OP", exact=False).wait_for()
+        device.press("Enter")
+        panel.get_by_text("ports 0 up").wait_for()
+        seen["back"] = panel.inner_text()
     running.end(signal.SIGINT)
     emulator.end()
     return seen

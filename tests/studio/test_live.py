@@ -60,6 +60,11 @@ def following(browser: Browser, source: str) -> Iterator[Page]:
         yield Page(lines)
 
 
+def outputs_on(picture: Picture) -> bool:
+    (logic,) = picture["machine"]["logics"]
+    return bool(logic["on"])
+
+
 def state(picture: Picture) -> str:
     return str(picture["connections"][0]["state"])
 
@@ -80,7 +85,7 @@ def page(browser: Browser) -> Iterator[Page]:
     status, answer = browser.post("live/start", {})
     assert (status, answer["error"]) == (200, "")
     with following(browser, "emulated") as page:
-        page.until(lambda p: p["notes"] == ["outputs of el1918: on"])
+        page.until(outputs_on)
         yield page
 
 
@@ -91,13 +96,14 @@ def order(browser: Browser, *lines: str) -> None:
 
 def test_a_page_without_a_run_is_reported_what_to_do(browser: Browser) -> None:
     assert json.loads(browser.ask("/api/live")[2])["run"] is None
-    for path in ("stream", "signals", "document"):
+    for path in ("stream", "signals", "machine", "document"):
         status, _, body = browser.ask(f"/api/live/{path}?source=emulated")
         assert status == 422
         assert b"start a run, or name a bus with --socket" in body
     for act, body in (
         ("command", {"lines": ["press"]}),
         ("hold", {"ms": 50}),
+        ("cable", {"number": 0, "whole": False}),
         ("scope", {"signals": []}),
     ):
         status, answer = browser.post(f"live/{act}", body)
@@ -118,17 +124,17 @@ def test_a_run_comes_up_and_the_e_stop_is_pressed(browser: Browser, page: Page) 
     assert [t for t in wire if t[6:] in states] == [f"wire: {s}" for s in states]
     assert {e["end"] for e in page.events} == {"", "main", "sub", "wire"}
     order(browser, *(f"set {name} 0" for name in INPUTS))
-    page.until(lambda p: p["notes"] == ["outputs of el1918: off"])
+    page.until(lambda p: not outputs_on(p))
     assert page.texts("command") == [f"set {name} = 0" for name in INPUTS]
     order(browser, "press", "release")
     order(browser, *(f"set {name} 1" for name in INPUTS))
     released = page.picture()
-    assert released["notes"] == ["outputs of el1918: off"]  # pressed before: does not count
+    assert not outputs_on(released)  # pressed before: does not count
     # Reset counts where the logic has every input already.
     later = page.until(lambda p: p["now_ms"] > released["now_ms"] + 100)
-    assert later["notes"] == released["notes"]
+    assert not outputs_on(later)
     order(browser, "press", "release")
-    page.until(lambda p: p["notes"] == ["outputs of el1918: on"])
+    page.until(outputs_on)
 
 
 def test_a_pulled_subdevice_resets_its_connection_and_it_comes_back(
@@ -143,6 +149,25 @@ def test_a_pulled_subdevice_resets_its_connection_and_it_comes_back(
     order(browser, "heal ek1914")
     back = page.until(lambda p: p["connections"][0]["in_data"])
     assert back["subdevices"][0]["returns"] == 1
+
+
+def test_a_cut_cable_separates_what_is_after_it_until_it_is_repaired(
+    browser: Browser, page: Page
+) -> None:
+    def cable(whole: bool) -> None:
+        assert browser.post("live/cable", {"number": 1, "whole": whole}) == (200, {"error": ""})
+
+    cable(False)
+    cut = page.until(lambda p: p["connections"][0]["resets"])
+    assert (cut["machine"]["cut"], cut["machine"]["separated"]) == ([1], ["el1918"])
+    assert [s["al"] for s in cut["subdevices"]] == ["OP", "none"]
+    order(browser, "heal el1918")  # nothing returns through a cut cable
+    assert page.picture()["subdevices"][1]["al"] == "none"
+    cable(True)
+    back = page.until(lambda p: p["connections"][0]["in_data"])
+    assert (back["machine"]["cut"], back["machine"]["separated"]) == ([], [])
+    ends = "cable between ek1914 and el1918"
+    assert page.texts("bus") == [f"{ends} cut", f"{ends} repaired"]
 
 
 def test_frames_are_held_on_both_sides_of_the_watchdog(browser: Browser, page: Page) -> None:
@@ -211,6 +236,10 @@ def test_a_recording_is_saved_and_opened_again(browser: Browser, page: Page) -> 
         assert [e for e in page.events if e not in view["events"]] == []
         assert view["connections"][0]["resets"] == 1
         assert [s["al"] for s in view["subdevices"]] == ["OP", "OP"]
+        assert [(n["name"], n["kind"]) for n in view["picture"]["nodes"]] == [
+            ("ek1914", "terminal"),
+            ("el1918", "logic"),
+        ]
 
 
 @pytest.mark.parametrize(
@@ -242,6 +271,8 @@ def test_odd_requests_are_answered(browser: Browser, page: Page) -> None:
     for lines in (None, [], [1], ["press"] * 101):
         assert browser.post("live/command", {"lines": lines})[0] == 422
     assert browser.post("live/scope", {"source": "emulated", "signals": [1]})[0] == 422
+    for number, whole in ((2, True), (-1, True), (True, True), ("0", True), (0, 1)):
+        assert browser.post("live/cable", {"number": number, "whole": whole})[0] == 422
     for line, said in (
         ("explode", "unknown command 'explode'"),
         ("break me", "no SubDevice 'me'"),
@@ -297,6 +328,16 @@ def test_a_running_bus_is_followed_over_stop_kill_and_restart(tmp_path: Path) ->
                 up = page.until(lambda p: p["state"] == "running" and p["statistics"])
                 assert up["connections"][0]["name"] == "el6910-el1904"
                 assert "el2904" in [s["name"] for s in up["subdevices"]]
+                picture = browser.get("live/machine?source=master")[1]["machine"]
+                assert [(n["name"], n["kind"], n["parent"]) for n in picture["nodes"]] == [
+                    ("el6910", "logic", None),
+                    ("el1904", "terminal", 0),
+                    ("el2904", "terminal", 1),
+                    ("drive_1", "drive", 2),
+                    ("drive_2", "drive", 3),
+                ]
+                assert up["machine"] is None  # nothing acts on a real bus
+                assert "stops" not in picture
                 names = ["el2904.standard_1"]
                 assert browser.post("live/scope", {"source": "master", "signals": names})[0] == 200
                 page.until(lambda _: len(page.rows) > 20)

@@ -24,8 +24,8 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 def after(page: Any, seconds: float) -> None:
     """Wait until so much time of the run is over."""
     page.wait_for_function(
-        "until => parseFloat(document.querySelector('output').textContent) >= until",
-        arg=float(page.locator("output").inner_text().split()[0]) + seconds,
+        "until => parseFloat(document.querySelector('.times > .row output').textContent) >= until",
+        arg=float(page.locator(".times > .row output").inner_text().split()[0]) + seconds,
     )
 
 
@@ -79,6 +79,8 @@ def drawn(page: Any, name: str) -> int:
             """async name => {
                 const { colour } = await import('/assets/colours.js');
                 const canvas = document.querySelector('.strips canvas');
+                canvas.scrollIntoView();
+                await new Promise((then) => setTimeout(then, 100)); // it is drawn when in sight
                 const { width, height } = canvas;
                 const copy = new OffscreenCanvas(width, height + 1);
                 const pen = copy.getContext('2d', { willReadFrequently: true });
@@ -107,19 +109,24 @@ def test_people_learn_what_an_e_stop_and_a_pulled_subdevice_do(
         page.wait_for_selector("text=not saved")
         page.get_by_role("link", name="Live").click()
         page.get_by_role("button", name="Start an emulated run").click()
-        page.wait_for_selector("text=outputs of el1918: on")
+        logic = page.get_by_role("button", name="el1918, safety logic")
+        logic.get_by_text("outputs on").wait_for()
         page.get_by_role("button", name="Save", exact=True).click()  # the same text: the same run
         page.get_by_text("· saved").wait_for()
         after(page, 0.1)
         assert page.get_by_text("earlier text").count() == 0
         strips, events = page.locator(".strips"), page.locator(".events")
+        effects = page.locator(".effects")
         strips.get_by_text("Data · ProcessData").wait_for()
-        page.get_by_role("button", name="Press the e-stop at ek1914").click()
-        page.wait_for_selector("text=outputs of el1918: off")
+        page.get_by_text("Press the red e-stop").wait_for()
+        page.get_by_role("button", name="Press button ES1 at ek1914").click()
+        logic.get_by_text("outputs off").wait_for()
         assert "The connection stays in Data" in page.locator(".expect").inner_text()
+        effects.get_by_text("Pressed: button ES1 at ek1914.").wait_for()
         strips.get_by_text("Data · FailSafeData").wait_for()
-        page.get_by_role("button", name="Release the e-stop at ek1914").click()
-        events.get_by_text("command: set ek1914").nth(3).wait_for()
+        accessible(page, "light", "dark")
+        page.get_by_role("button", name="Release button ES1 at ek1914").click()
+        effects.get_by_text("Off: the outputs of el1918.").wait_for()
         after(page, 0.1)  # reset counts where the logic has every input already
         reset = page.get_by_role("button", name="Reset (active")
         reset.focus()
@@ -127,38 +134,49 @@ def test_people_learn_what_an_e_stop_and_a_pulled_subdevice_do(
         page.keyboard.down("Enter")  # a button that is held, by keyboard
         page.keyboard.down("Enter")  # the key repeats while it is held
         page.mouse.move(0, 0)  # or the page moves below a pointer that stands still
-        page.wait_for_selector("text=outputs of el1918: on")
+        logic.get_by_text("outputs on").wait_for()
+        page.get_by_text("All connections exchange data").wait_for()
         after(page, 0.1)
         assert events.get_by_text("command: release reset").count() == 0
         page.keyboard.up("Enter")
         events.get_by_text("command: release reset").wait_for()
-        page.get_by_role("button", name="Disconnect it", exact=True).click()
+        page.get_by_role("button", name="ek1914, terminal").press("Enter")
+        panel = page.get_by_role("region", name="Details of ek1914")
+        panel.get_by_role("button", name="Disconnect it").click()
         events.get_by_text("resets: watchdog expired").first.wait_for()
-        strips.get_by_text("last Reset: watchdog expired").wait_for()
-        page.get_by_text("1 of 2 not in OP").wait_for()
-        page.get_by_role("button", name="Reconnect it").click()
+        effects.get_by_text("Disconnected: ek1914.").wait_for()
+        effects.get_by_text("Last Reset: watchdog expired.").wait_for()
+        panel.get_by_role("button", name="Reconnect it").click()
         strips.get_by_text("Data · FailSafeData").wait_for()
+        panel.get_by_text("lost and back once").wait_for()
         assert drawn(page, "strip-process")
         assert drawn(page, "strip-low")
         reset.evaluate("e => e.click()")  # as a screen reader does
-        page.wait_for_selector("text=outputs of el1918: on")
+        logic.get_by_text("outputs on").wait_for()
+        panel.get_by_text("Safe inputs one by one").click()
+        panel.get_by_role("button", name="Set e-stop channel B to 0").click()
+        page.get_by_role("button", name="Release button ES1 at ek1914").click()
+        effects.get_by_text("Off: the outputs of el1918.").wait_for()
+        accessible(page, "dark")
+        page.get_by_role("button", name="Close the details").click()
+        page.get_by_text("More to try").click()
         page.get_by_role("button", name="Hold the frames for 150 ms").click()
-        page.wait_for_selector("text=outputs of el1918: off")
+        effects.get_by_text("Reset, and back in Data: el1918-ek1914.").wait_for()
         assert "longer than each FSoE watchdog" in page.locator(".expect").inner_text()
         page.get_by_label("or for (ms)").fill("20")
         page.keyboard.press("Enter")
         events.get_by_text("bus: no frames for 20 ms").wait_for()
         assert "shorter than each FSoE watchdog" in page.locator(".expect").inner_text()
         page.get_by_role("button", name="Pause").click()
-        shown = page.locator("output").inner_text()
+        shown = page.locator(".times > .row output").inner_text()
         page.get_by_role("button", name="el1918-ek1914", exact=True).click()
+        page.locator("p.cause", has_text="last Reset: watchdog expired").wait_for()
         page.get_by_label("Resets only").check()
         assert "▼" in events.locator("li").first.inner_text()
-        page.get_by_text("Safe inputs one by one").click()
         page.get_by_role("textbox", name="A command as").fill("explode")
         page.keyboard.press("Enter")
         page.get_by_text("unknown command 'explode'").wait_for()
-        assert page.locator("output").inner_text() == shown  # paused
+        assert page.locator(".times > .row output").inner_text() == shown  # paused
         accessible(page, "dark")
         with page.expect_download() as saved:
             page.get_by_role("link", name="Save the record").click()
@@ -176,16 +194,19 @@ def test_people_learn_what_an_e_stop_and_a_pulled_subdevice_do(
             page.wait_for_timeout(10)
         page.get_by_role("button", name="End the run").click()
         page.wait_for_selector("text=estop: ended")
+        assert page.locator(".mushroom").count() == 0  # nothing acts any more
         page.get_by_label("Open a recorded run").set_input_files(path)
         page.get_by_text("estop: recorded").wait_for()
-        page.get_by_text(r"last Reset: <img src=x>\u001b[2J").wait_for()
+        page.get_by_role("button", name="FSoE connection el1918-ek1914").press("Enter")
+        page.locator("p.cause", has_text=r"last Reset: <img src=x>\u001b[2J").wait_for()
         assert page.locator("img").count() == 0
+        assert page.locator(".cable[role]").count() == 0
         assert drawn(page, "strip-process")
         assert drawn(page, "strip-low")
         run = simulate(example("estop"), duration_ns=1_000_000_000)  # its ends alone say states
         path.write_text(json.dumps(run.to_json("0")), "utf-8")
         page.get_by_label("Open a recorded run").set_input_files(path)
-        page.get_by_text("1.000 s").wait_for()
+        page.locator(".times").get_by_text("1.000 s").wait_for()
         assert drawn(page, "main")
         path.write_text("{}", "utf-8")
         page.get_by_label("Open a recorded run").set_input_files(path)
@@ -199,9 +220,15 @@ def test_a_running_bus_is_shown_and_its_signals_drawn(chromium: Any, tmp_path: P
         page = stack.enter_context(opened(chromium, f"{studio.url}#live"))
         page.get_by_text("0 of 4 in Data").wait_for()  # nobody lives on its emulated bus
         page.get_by_label("Add a signal").select_option("el2904.standard_1")
-        page.locator(".uplot canvas").wait_for()
+        page.locator(".scope canvas").wait_for()
         page.get_by_role("button", name="Take el2904.standard_1 away").wait_for()
+        page.get_by_text("Bus cycle: working counter").click()
         page.locator(".bars rect").first.wait_for()
+        assert page.locator(".machine .device").count() == 5
+        page.get_by_role("button", name="drive_1, drive").press("Enter")
+        panel = page.get_by_role("region", name="Details of drive_1")
+        assert panel.get_by_role("button").count() == 1  # Close: nothing acts on a real bus
+        assert page.locator(".cable[role], .mushroom, .reset").count() == 0
         accessible(page, "light")
         with master.client() as client:
             client.good("stop")

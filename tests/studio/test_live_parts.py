@@ -25,10 +25,11 @@ from fsoe_net.project.simulate import simulate
 needed("starlette", "studio")
 
 from fsoe_net.studio import live_emulated, live_feed  # noqa: E402
-from fsoe_net.studio.live_emulated import EmulatedFeed, _Pace, _reader  # noqa: E402
+from fsoe_net.studio.live_emulated import EmulatedFeed, _Pace  # noqa: E402
 from fsoe_net.studio.live_feed import EventHistory, ScopeRing  # noqa: E402
 from fsoe_net.studio.live_master import MasterFeed, _notes, _title  # noqa: E402
 from fsoe_net.studio.live_rows import event_row, recorded_view  # noqa: E402
+from fsoe_net.studio.live_signals import reader  # noqa: E402
 
 
 def event(number: int) -> RunEvent:
@@ -80,15 +81,15 @@ def symbol(kind: int, bits: int, bit: int = 0, **more: object) -> PlanSymbol:
 
 def test_a_signal_is_read_from_its_bits() -> None:
     image = bytes(3) + bytes([0b1010_0000, 0xFF]) + struct.pack("<f", 1.5) + struct.pack("<d", -2.0)
-    assert _reader(symbol(1, 1, 5), 3)(image) == 1
-    assert _reader(symbol(1, 1, 6), 3)(image) == 0
-    assert _reader(symbol(1, 4, 6), 3)(image) == 0b1110
-    assert _reader(symbol(2, 8), 4)(image) == -1
-    assert _reader(symbol(1, 8, factor=2.0, offset=1.0), 4)(image) == 511
-    assert _reader(symbol(1, 8, factor=2.0, offset=1.0, output=True), 4)(image) == 127
-    assert _reader(symbol(4, 32), 5)(image) == 1.5
-    assert _reader(symbol(4, 64), 9)(image) == -2.0
-    assert _reader(symbol(4, 32), 0)(struct.pack("<f", math.nan)) is None
+    assert reader(symbol(1, 1, 5), 3)(image) == 1
+    assert reader(symbol(1, 1, 6), 3)(image) == 0
+    assert reader(symbol(1, 4, 6), 3)(image) == 0b1110
+    assert reader(symbol(2, 8), 4)(image) == -1
+    assert reader(symbol(1, 8, factor=2.0, offset=1.0), 4)(image) == 511
+    assert reader(symbol(1, 8, factor=2.0, offset=1.0, output=True), 4)(image) == 127
+    assert reader(symbol(4, 32), 5)(image) == 1.5
+    assert reader(symbol(4, 64), 9)(image) == -2.0
+    assert reader(symbol(4, 32), 0)(struct.pack("<f", math.nan)) is None
 
 
 def test_lost_time_is_not_made_up_for(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,5 +14,5 @@ def test_a_cut_cable_is_seen_and_its_end_too(tmp_path: Path) -> None:
     assert "ek1914" in seen["gone"]  # behind which the cable is cut
     assert seen["cause"] == "last Reset: SubInstance: watchdog expired"
     assert seen["verdict"].startswith("✖ fsn-master, soem on near: running, with problems")
-    assert " OP\n" in seen["back"]  # with a warning for 5 s after it returned
+    assert " OP ports" in seen["back"]  # with a warning for 5 s after it returned
     assert "lost and back" in seen["back"]

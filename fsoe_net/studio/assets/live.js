@@ -1,18 +1,20 @@
 // The live page: a running bus, an emulated run that was started here, or a recorded one.
-import { useCallback, useEffect, useState } from "./vendor/hooks.js";
+import { useCallback, useEffect, useMemo, useRef, useState } from "./vendor/hooks.js";
 import { html, worst } from "./html.js";
-import { Cycle, Events, SubDevices } from "./live_bus.js";
+import { Cycle, Events } from "./live_bus.js";
 import { Buttons } from "./live_buttons.js";
 import { Control } from "./live_control.js";
-import { Past, clock } from "./live_past.js";
+import { busReports, Effects, effectsOf, reportsOf } from "./live_effects.js";
+import { Machine } from "./live_machine_draw.js";
+import { Panel } from "./live_panel.js";
+import { Past } from "./live_past.js";
 import { Scope } from "./live_scope.js";
 import { follow, get, live } from "./live_server.js";
-import { Strips } from "./live_strips.js";
+import { STRIP_HELP, Strips } from "./live_strips.js";
+import { TimeBar, Tracks, useTime } from "./live_time.js";
 
 /** @typedef {import("./types").LiveSources} LiveSources */
-
-const WINDOWS = [["2", "2 s"], ["10", "10 s"], ["60", "1 min"], ["600", "10 min"], ["0", "all"]];
-const SCOPE_S = 10;
+/** @typedef {import("./types").LiveSelected} LiveSelected */
 
 /** What was seen stays, also while another view is shown. @type {Record<string, Past>} */
 const PASTS = { master: new Past(), emulated: new Past(), file: new Past() };
@@ -57,6 +59,17 @@ export function Live({ state }) {
     };
   }, [source, run]);
 
+  const past = PASTS[source || "file"];
+  // The picture is asked for when the run, the plan or the state of the bus is another one.
+  const parts = past.view?.subdevices.map((s) => s.name).join("\n");
+  useEffect(() => {
+    if (!run || !parts) return;
+    get(`/machine?source=${source}`).then((answer) => {
+      if (answer.machine) past.picture = answer.machine;
+      redraw((n) => n + 1);
+    });
+  }, [source, run, past.run, parts, past.view?.state]);
+
   const start = async () => {
     const answer = await live("start");
     setError(answer.error);
@@ -74,7 +87,6 @@ export function Live({ state }) {
     setSource("file");
     redraw((n) => n + 1); // also where a file was shown already
   };
-  const past = PASTS[source || "file"];
   const hasErrors = !state.is_network || worst(state.findings) === "error";
   return html`<main class="live">
     <div class="row sources" role="group" aria-label="What is shown">
@@ -108,48 +120,88 @@ export function Live({ state }) {
 /** @param {{ past: Past, source: string, state: import("./types").State, sources: LiveSources | null, end: () => void }} props */
 function Shown({ past, source, state, sources, end }) {
   const view = /** @type {import("./types").LiveView} */ (past.view);
-  const [window_s, setWindow] = useState(source === "file" ? "0" : "10");
-  const [held, setHeld] = useState(/** @type {{ to: number, rows: (number | null)[][] } | null} */ (null));
-  const [chosen, choose] = useState("");
-  const to = held?.to ?? view.now_ms;
+  const { picture } = past;
+  const [chosen, choose] = useState(/** @type {LiveSelected} */ (null));
+  const { order, said, error } = useOrder();
   const oldest = past.events.length ? Math.min(0, past.events[0].time_ms) : 0;
-  const from = window_s === "0" ? oldest : to - 1000 * Number(window_s);
-  const pause = (/** @type {number} */ at) => setHeld({ to: at, rows: held?.rows ?? past.rows });
+  const time = useTime(view.now_ms, oldest, source === "file");
+  // While the window is held, the signals of that time stay.
+  const held = useRef(/** @type {(number | null)[][] | null} */ (null));
+  held.current = time.isHeld ? (held.current ?? past.rows) : null;
+  const names = source === "emulated" ? (sources?.names ?? null) : null;
+  const acts = names && !view.ended ? order : null;
+  const connection = chosen && "connection" in chosen ? chosen.connection : "";
+  const chooseConnection = (/** @type {string} */ name) => choose(name ? { connection: name } : null);
+  // The cursor of the time axis moves often, and changes nothing in the picture.
+  const machine = useMemo(
+    () => picture && html`<${Machine} picture=${picture} view=${view} chosen=${chosen} choose=${choose} cable=${acts?.cable ?? null} />`,
+    [picture, view, chosen, acts],
+  );
   return html`
-    <div class="row" role="group" aria-label="Time">
+    <div class="row">
       <strong class="verdict ${view.good && view.current ? "good" : "error"}" role="status">
         ${view.good && view.current ? "✔" : "✖"} ${view.title}: ${view.state}${view.good ? "" : ", with problems"}
       </strong>
       ${view.pace !== null && html`<span>${paceText(view.pace)}</span>`}
-      <button aria-pressed=${held !== null} onClick=${() => (held ? setHeld(null) : pause(view.now_ms))}>
-        ${held ? "Follow again" : "Pause"}</button>
-      <label>Show <select value=${window_s} onChange=${(/** @type {any} */ e) => setWindow(e.target.value)}>
-        ${WINDOWS.map(([value, text]) => html`<option value=${value}>${text}</option>`)}
-      </select></label>
-      <label class="scroll">up to <input type="range" min=${oldest} max=${view.now_ms} step="10" value=${to}
-        aria-valuetext=${clock(to)} onInput=${(/** @type {any} */ e) => pause(Number(e.target.value))} /></label>
-      <output>${clock(to)}</output>
       ${source !== "file" && html`<a class="button" href=${`/api/live/document?source=${source}`} download>Save the record</a>`}
       ${source === "emulated" && !view.ended && html`<button onClick=${end}>End the run</button>`}
     </div>
     ${view.away && html`<p class="error" role="alert">${view.away}${view.ended ? "" : "; the last known state is shown"}</p>`}
     ${source === "emulated" && view.content !== state.content && html`<p class="stale">This is a run of an earlier text. Start it again to see the present one.</p>`}
-    ${!view.away && view.bus?.reasons.map((text) => html`<p class=${view.bus?.level} key=${text}>${text}</p>`)}
     ${view.notes.map((note) => html`<p class="note" key=${note}>${note}</p>`)}
     <div class="columns">
       <div>
-        <${Strips} past=${past} from=${from} to=${to} chosen=${chosen} choose=${choose} />
-        ${source !== "file" &&
-        html`<${Scope} past=${past} rows=${held?.rows ?? past.rows} source=${source} run=${past.run} seconds=${window_s === "2" ? 2 : SCOPE_S} />`}
-      </div>
-      <div>
-        ${source === "emulated" && sources?.names && !view.ended && html`<${Buttons} names=${sources.names} view=${view} />`}
+        ${machine}
+        ${names && acts && picture && html`<${Buttons} names=${names} picture=${picture} view=${view} order=${acts} />`}
         ${source === "master" && typeof view.control === "number" && html`<${Control} view=${view} />`}
-        <${Events} events=${past.events} leftOut=${past.left_out} to=${to} chosen=${chosen} choose=${choose} />
-        <${SubDevices} subdevices=${view.subdevices} />
-        <${Cycle} statistics=${view.statistics} />
+        <section class="times" aria-label="Over time">
+          <${TimeBar} time=${time} />
+          <${Tracks} time=${time}>
+            <${Strips} past=${past} from=${time.from} to=${time.to} chosen=${connection} choose=${chooseConnection} />
+            ${source !== "file" && html`<${Scope} past=${past} rows=${held.current ?? past.rows} source=${source} run=${past.run} time=${time} />`}
+          </${Tracks}>
+          <p class="help">${STRIP_HELP}</p>
+          <${Cycle} statistics=${view.statistics} />
+        </section>
+      </div>
+      <div class="effect">
+        ${picture && html`<${Panel} chosen=${chosen} choose=${choose} picture=${picture} view=${view} names=${names} order=${acts} />`}
+        <h2>Cause and effect</h2>
+        ${acts && html`<p class="expect" role="status">${said || TRY}</p>`}
+        ${error && html`<p class="error" role="alert">${error}</p>`}
+        <${Effects} effects=${[...(view.machine && picture ? effectsOf(picture, view, past.strips) : reportsOf(view)), ...busReports(view)]} good=${GOOD} />
+        <${Events} events=${past.events} leftOut=${past.left_out} time=${time} chosen=${connection} choose=${chooseConnection} />
       </div>
     </div>`;
+}
+
+const TRY = "Press the red e-stop and watch what follows. Press a cable (✂) to cut it, or a SubDevice to disconnect it. Nothing here reaches a real bus.";
+const GOOD = "All connections exchange data, and nothing is out of order.";
+
+/** Acts on the emulated run, one after the other as they were pressed; what to expect; a refusal. */
+function useOrder() {
+  const [said, setSaid] = useState("");
+  const [error, setError] = useState("");
+  const last = useRef(/** @type {Promise<unknown>} */ (Promise.resolve()));
+  const order = useMemo(() => {
+    const send = (/** @type {string} */ act, /** @type {Record<string, unknown>} */ body, /** @type {string} */ expect) => {
+      last.current = last.current.then(async () => {
+        const answer = await live(act, body);
+        setError(answer.error);
+        if (!answer.error) setSaid(expect);
+      });
+    };
+    /** @type {import("./types").Order} */
+    const acts = {
+      command: (lines, expect) => send("command", { lines }, expect),
+      hold: (ms, expect) => send("hold", { ms }, expect),
+      cable: (number, whole) => send("cable", { number, whole }, whole
+        ? "The cable is repaired: the SubDevices after it answer again, and their connections restart by themselves."
+        : "The cable is cut: all SubDevices after it are gone at once. In a ring, frames take the other way."),
+    };
+    return acts;
+  }, []);
+  return { order, said, error };
 }
 
 /** @param {number} pace */

@@ -1,48 +1,12 @@
-// The bus of the live page: SubDevices, working counter, times of the cycle, events.
+// The bus of the live page: working counter, times of the cycle, events.
 import { useState } from "./vendor/hooks.js";
 import { html } from "./html.js";
 import { clock, lastBefore } from "./live_past.js";
-import { MARKS } from "./live_strips.js";
 
-/** @typedef {import("./types").LiveSubDevice} LiveSubDevice */
 /** @typedef {import("./types").LiveStatistics} LiveStatistics */
 /** @typedef {import("./types").LiveEvent} LiveEvent */
 
 const SHOWN = 200;
-
-/** @param {{ subdevices: LiveSubDevice[] }} props */
-export function SubDevices({ subdevices }) {
-  if (!subdevices.length) return null;
-  // Only SubDevices whose state was read count; unknown is not bad.
-  const known = subdevices.filter((s) => s.known);
-  const bad = known.filter((s) => s.level === "error").length;
-  return html`<section aria-label="SubDevices">
-    <h2>SubDevices</h2>
-    <p role="status">${bad
-      ? `✖ ${bad} of ${subdevices.length} not in OP`
-      : known.length
-        ? `✔ ${known.length} in the expected state`
-        : "– their states are not read on this bus"}</p>
-    <ol class="subdevices">
-      ${subdevices.map((s) => {
-        const [shape, colour] = MARKS[s.level];
-        const worn = [
-          s.returns && `lost and back ${s.returns === 1 ? "once" : `${s.returns} times`}`,
-          s.held && `${s.held} cycles held`,
-          s.rx_errors && `${s.rx_errors} receive errors`,
-          ...s.reasons,
-        ].filter(Boolean);
-        return html`<li key=${s.name}>
-          <b>${s.name}</b>
-          <span class="state ${colour}">${shape} ${s.known ? s.al : "not known"}</span>
-          ${s.links.length > 0 &&
-          html`<small>ports ${s.links.map((l) => `${l.port} ${l.up ? "up" : "open"}${l.lost ? ` (lost ${l.lost})` : ""}`).join(", ")}</small>`}
-          ${worn.length > 0 && html`<small class="detail">${worn.join(", ")}</small>`}
-        </li>`;
-      })}
-    </ol>
-  </section>`;
-}
 
 /** @type {Record<string, string>} */
 const TIMES = {
@@ -59,17 +23,17 @@ export function Cycle({ statistics }) {
   const s = statistics;
   const names = Object.keys(s.histograms);
   const shown = names.includes(name) ? name : names[0];
-  return html`<section aria-label="Bus cycle">
-    <h2>Bus cycle</h2>
+  return html`<details class="bus-cycle">
+    <summary>Bus cycle: working counter ${s.actual_wkc} of ${s.expected_wkc}</summary>
     <p>
-      working counter ${s.actual_wkc} of ${s.expected_wkc}, ${s.cycles} cycles, ${s.wkc_errors} incomplete, ${s.lost_frames} frames lost, ${s.overruns} overruns
+      ${s.cycles} cycles, ${s.wkc_errors} incomplete, ${s.lost_frames} frames lost, ${s.overruns} overruns
     </p>
     ${shown &&
     html`<label>Time <select value=${shown} onChange=${(/** @type {any} */ e) => setName(e.target.value)}>
         ${names.map((key) => html`<option value=${key}>${TIMES[key] ?? key}</option>`)}
       </select></label>
       <${Bars} histogram=${s.histograms[shown]} name=${TIMES[shown] ?? shown} />`}
-  </section>`;
+  </details>`;
 }
 
 const us = (/** @type {number} */ ns) => `${(ns / 1000).toFixed(ns < 10_000 ? 1 : 0)} µs`;
@@ -90,10 +54,12 @@ function Bars({ histogram: h, name }) {
 }
 
 /**
- * @param {{ events: LiveEvent[], leftOut: number, to: number, chosen: string, choose: (name: string) => void }} props
+ * @param {{ events: LiveEvent[], leftOut: number, time: import("./live_time.js").Time, chosen: string,
+ *   choose: (name: string) => void }} props
  */
-export function Events({ events, leftOut, to, chosen, choose }) {
+export function Events({ events, leftOut, time, chosen, choose }) {
   const [resetsOnly, setResetsOnly] = useState(false);
+  const { to, cursor } = time;
   /** @type {[number, LiveEvent][]} */
   const shown = [];
   // From the newest event back: of a long run only the last ones are built.
@@ -101,14 +67,27 @@ export function Events({ events, leftOut, to, chosen, choose }) {
     const e = events[n];
     if ((!chosen || e.source === chosen) && (!resetsOnly || e.kind === "reset")) shown.push([n, e]);
   }
-  return html`<section aria-label="Events">
-    <h2>Events, the newest first</h2>
+  // Of several events at one time, all are marked.
+  const marked = cursor === null ? null : shown.find(([, e]) => e.time_ms <= cursor)?.[1].time_ms;
+  const onKey = (/** @type {KeyboardEvent} */ event) => {
+    const at = cursor ?? Infinity;
+    const next = {
+      ArrowUp: shown.findLast(([, e]) => e.time_ms > at),
+      ArrowDown: shown.find(([, e]) => e.time_ms < at),
+    }[event.key];
+    if (!next) return;
+    event.preventDefault(); // the list would scroll
+    time.point(next[1].time_ms);
+  };
+  return html`<section class="log" aria-label="Events">
     <p class="row">
+      <b>Events, the newest first</b>
       <label><input type="checkbox" checked=${resetsOnly} onChange=${() => setResetsOnly(!resetsOnly)} /> Resets only</label>
       ${chosen && html`<button onClick=${() => choose("")}>of ${chosen}: show all</button>`}
     </p>
-    <ol class="events" tabindex="0" aria-label="Events">
-      ${shown.map(([n, e]) => html`<li key=${n + leftOut} class=${e.kind === "reset" ? "reset" : ""}>
+    <ol class="events" tabindex="0" aria-label="Events: arrow keys move the cursor of the time axis" onKeyDown=${onKey}>
+      ${shown.map(([n, e]) => html`<li key=${n + leftOut} class=${e.kind === "reset" ? "reset" : ""} aria-current=${e.time_ms === marked ? "true" : undefined}
+          onMouseEnter=${() => time.point(e.time_ms)} onMouseLeave=${() => time.point(null)}>
         <code>${clock(e.time_ms)}</code> ${e.kind === "reset" ? "▼ " : ""}${e.source}: ${e.text}
       </li>`)}
     </ol>

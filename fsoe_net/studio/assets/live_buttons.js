@@ -1,93 +1,95 @@
-// What one can do to an emulated bus, and what to expect: that is how people learn FSoE.
+// What one can do to an emulated machine: e-stops, reset, lost frames; each with what to expect.
 import { useRef, useState } from "./vendor/hooks.js";
 import { html } from "./html.js";
-import { live } from "./live_server.js";
+import { isPressed, lampValues, stopName } from "./live_effects.js";
 
 /** @typedef {import("./types").LiveNames} LiveNames */
+/** @typedef {import("./types").LivePicture} LivePicture */
 /** @typedef {import("./types").LiveView} LiveView */
+/** @typedef {import("./types").Order} Order */
 
-/** @param {{ names: LiveNames, view: LiveView }} props */
-export function Buttons({ names, view }) {
-  const [said, setSaid] = useState("");
-  const [error, setError] = useState("");
-  const [line, setLine] = useState("");
-  const [sub, setSub] = useState(names.inputs[0]?.subdevice ?? names.subdevices[0]?.name ?? "");
-  const [connection, setConnection] = useState(names.connections[0] ?? "");
-  /** Presses go one after the other, as they were made. */
-  const last = useRef(/** @type {Promise<unknown>} */ (Promise.resolve()));
-  const send = (/** @type {string} */ act, /** @type {Record<string, unknown>} */ body, /** @type {string} */ expect) => {
-    last.current = last.current.then(async () => {
-      const answer = await live(act, body);
-      setError(answer.error);
-      if (!answer.error) setSaid(expect);
-    });
-  };
-  const order = (/** @type {string[]} */ lines, /** @type {string} */ expect) => send("command", { lines }, expect);
-  const button = (/** @type {string} */ text, /** @type {string[]} */ lines, /** @type {string} */ expect) =>
-    html`<button title=${expect} onClick=${() => order(lines, `${text}: ${expect}`)}>${text}</button>`;
-  const stops = [...new Set(names.inputs.filter((i) => i.watched).map((i) => i.subdevice))];
-  // The page follows what the bus reports, not which button was pressed last.
-  const away = view.subdevices.find((s) => s.name === sub)?.al === "none";
-  return html`<section class="buttons" aria-label="Disturb the emulated bus">
-    <h2>Disturb the bus</h2>
-    <p class="expect" role="status">${said || "The text of each button describes what to expect. Nothing here reaches a real bus."}</p>
-    ${error && html`<p class="error" role="alert">${error}</p>`}
-    ${stops.map((name) => {
-      const inputs = names.inputs.filter((i) => i.watched && i.subdevice === name);
-      const all = (/** @type {number} */ value) => inputs.map((i) => `set ${i.name} ${value}`);
-      return html`<div class="row" key=${name}>
-        ${button(`Press the e-stop at ${name}`, all(0), "its safe inputs go to 0, the logic takes the outputs off. The connection stays in Data: nothing is wrong with it.")}
-        ${button(`Release the e-stop at ${name}`, all(1), "the safe inputs are 1 again; the outputs stay off until reset is pressed.")}
-      </div>`;
-    })}
-    <div class="row"><${Reset} order=${order} /></div>
-    <div class="row">
-      <label>SubDevice <select value=${sub} onChange=${(/** @type {any} */ e) => setSub(e.target.value)}>
-        ${names.subdevices.map((s) => html`<option value=${s.name}>${s.name}</option>`)}
-      </select></label>
-      ${away
-        ? button("Reconnect it", [`heal ${sub}`], "it answers again; its connections restart, through Session, Connection and Parameter to Data.")
-        : button("Disconnect it", [`break ${sub}`], "it is gone: the FSoE watchdogs of its connections expire, the connections are reset, outputs go off.")}
-      ${button("Break the cable after it", following(names, sub).map((n) => `break ${n}`), "all SubDevices after it are gone at once.")}
-      ${button("Repair the cable", following(names, sub).map((n) => `heal ${n}`), "they answer again; connections restart.")}
-      ${names.subdevices.find((s) => s.name === sub)?.powered &&
-      button("Power cycle", [`power-cycle ${sub}`], "its FSoE ends restart; the other end receives a wrong answer, and resets.")}
-    </div>
-    <div class="row">
-      <label>Connection <select value=${connection} onChange=${(/** @type {any} */ e) => setConnection(e.target.value)}>
-        ${names.connections.map((name) => html`<option value=${name}>${name}</option>`)}
-      </select></label>
-      ${button("Local reset", [`local-reset ${connection}`], "its MainInstance resets it, for a local reason; it comes back to Data by itself.")}
-    </div>
-    <${Hold} view=${view} hold=${(/** @type {number} */ ms, /** @type {string} */ expect) => send("hold", { ms }, expect)} />
-    ${names.groups.map((group) => html`<div class="row" key=${group}>
-      ${button(`Plug ${group} in`, [`plug ${group}`], "its SubDevices come, and their connections start.")}
-      ${button(`Pull ${group}`, [`pull ${group}`], "it leaves by design: its connections are absent, the others stay in Data.")}
-    </div>`)}
-    <details>
-      <summary>Safe inputs one by one, and any command</summary>
-      ${names.inputs.map((i) => html`<div class="row" key=${i.name}>
-        <code>${i.name}</code> ${i.label}
-        ${button("0", [`set ${i.name} 0`], `${i.name} is 0.`)}
-        ${button(String(i.most), [`set ${i.name} ${i.most}`], `${i.name} is ${i.most}.`)}
-      </div>`)}
-      <form class="row" onSubmit=${(/** @type {Event} */ event) => {
-        event.preventDefault();
-        order([line], `done: ${line}`);
-      }}>
-        <label>A command as <code>fsoe-net emulate</code> takes it
-          <input value=${line} onInput=${(/** @type {any} */ e) => setLine(e.target.value)} /></label>
-        <button>Do it</button>
-      </form>
-    </details>
+/** @param {{ names: LiveNames, picture: LivePicture, view: LiveView, order: Order }} props */
+export function Buttons({ names, picture, view, order }) {
+  const values = lampValues(picture, view);
+  const logics = view.machine?.logics.map((logic) => logic.name) ?? [];
+  return html`<section class="buttons" aria-label="Operate the emulated machine">
+    ${(picture.stops ?? []).map((stop) => html`<${Stop} key=${`${stop.logic} ${stop.subdevice}`} stop=${stop}
+      pressed=${isPressed(stop, values)} order=${order} />`)}
+    <${Reset} order=${order} of=${logics.join(", ")} />
+    <${More} names=${names} view=${view} order=${order} />
   </section>`;
 }
 
-/** All SubDevices of its bus that come after one. @param {LiveNames} names @param {string} name */
-function following(names, name) {
-  const at = names.subdevices.findIndex((s) => s.name === name);
-  const bus = names.subdevices[at]?.bus;
-  return names.subdevices.slice(at + 1).filter((s) => s.bus === bus).map((s) => s.name);
+/** A mushroom button: it stays pressed until it is pulled out. @param {{ stop: import("./types").LiveStop, pressed: boolean, order: Order }} props */
+function Stop({ stop, pressed, order }) {
+  const set = (/** @type {number} */ value) => stop.inputs.map((name) => `set ${name} ${value}`);
+  const press = () => pressed
+    ? order.command(set(1), "Released: the safe inputs are 1 again. The outputs stay off until Reset is pressed.")
+    : order.command(set(0), "Pressed: the safe inputs go to 0, the logic switches the outputs off. The connection stays in Data: nothing is wrong with it.");
+  return html`<div class="stop ${pressed ? "pressed" : ""}">
+    <button class="mushroom" aria-pressed=${pressed} onClick=${press}
+      aria-label=${`${pressed ? "Release" : "Press"} ${stopName(stop)}`}><span aria-hidden="true">${pressed ? "⟲" : "STOP"}</span></button>
+    <span><b>${stop.title || "e-stop"}</b><small>${stop.subdevice} → ${stop.logic}</small>
+      <small>${pressed ? "▼ pressed: press again to release" : "○ released"}</small></span>
+  </div>`;
+}
+
+/** Reset as a button is: pressed as long as it is held. @param {{ order: Order, of: string }} props */
+function Reset({ order, of }) {
+  const held = useRef("");
+  // A pointer that only passes does not release what a key holds.
+  const press = (/** @type {string} */ by) => {
+    // A second press by another finger or key must not release the first one.
+    if (held.current) return;
+    held.current = by;
+    order.command(["press"], "Reset is pressed: outputs come on where every safe input is good. One that is held before that does not count.");
+  };
+  const release = (by = held.current) => {
+    if (!held.current || held.current !== by) return;
+    held.current = "";
+    order.command(["release"], "Reset was pressed and released: outputs are on where every safe input was good.");
+  };
+  const up = () => release("pointer");
+  // Keys make no click here and a pointer counts its clicks: what is left comes from a screen reader.
+  const click = (/** @type {MouseEvent} */ event) => {
+    if (event.detail !== 0) return;
+    press("click");
+    release();
+  };
+  const onKey = (/** @type {() => void} */ act) => (/** @type {KeyboardEvent} */ event) => {
+    // Space would scroll the page; a held key repeats.
+    if (event.key !== "Enter" && event.key !== " ") return;
+    event.preventDefault();
+    act();
+  };
+  return html`<div class="stop">
+    <button class="reset" onPointerDown=${() => press("pointer")} onPointerUp=${up} onPointerLeave=${up}
+      onPointerCancel=${up} onBlur=${() => release()} onClick=${click}
+      onContextMenu=${(/** @type {Event} */ event) => event.preventDefault()} aria-label="Reset (active while held)"
+      onKeyDown=${onKey(() => press("key"))} onKeyUp=${onKey(() => release("key"))}>Reset</button>
+    <span><b>Reset</b><small>of ${of}</small><small>active while held</small></span>
+  </div>`;
+}
+
+/** @param {{ names: LiveNames, view: LiveView, order: Order }} props */
+function More({ names, view, order }) {
+  const [line, setLine] = useState("");
+  return html`<details class="more">
+    <summary>More to try</summary>
+    <${Hold} view=${view} hold=${order.hold} />
+    ${names.groups.map((group) => html`<div class="row" key=${group}>
+      <button onClick=${() => order.command([`plug ${group}`], `Plugged in: ${group}. Its SubDevices come, and their connections start.`)}>Plug ${group} in</button>
+      <button onClick=${() => order.command([`pull ${group}`], `Pulled: ${group}. It leaves by design: its connections are absent, the others stay in Data.`)}>Pull ${group}</button>
+    </div>`)}
+    <form class="row" onSubmit=${(/** @type {Event} */ event) => {
+      event.preventDefault();
+      order.command([line], `Done: ${line}`);
+    }}>
+      <label>A command as <code>fsoe-net emulate</code> takes it
+        <input value=${line} onInput=${(/** @type {any} */ e) => setLine(e.target.value)} /></label>
+      <button>Do it</button>
+    </form>
+  </details>`;
 }
 
 /** Frames that are lost or late. @param {{ view: LiveView, hold: (ms: number, expect: string) => void }} props */
@@ -113,38 +115,4 @@ function Hold({ view, hold }) {
       onInput=${(/** @type {any} */ e) => setTyped(e.target.value)} /></label>
     <button title=${expect(Number(typed))}>Hold the frames</button>
   </form>`;
-}
-
-/** Reset as a button is: pressed as long as it is held. @param {{ order: (lines: string[], expect: string) => void }} props */
-function Reset({ order }) {
-  const held = useRef("");
-  // A pointer that only passes does not release what a key holds.
-  const press = (/** @type {string} */ by) => {
-    // A second press by another finger or key must not release the first one.
-    if (held.current) return;
-    held.current = by;
-    order(["press"], "Reset is pressed: outputs come on where every safe input is good. One that is held before that does not count.");
-  };
-  const release = (by = held.current) => {
-    if (!held.current || held.current !== by) return;
-    held.current = "";
-    order(["release"], "Reset was pressed and released: outputs are on where every safe input was good.");
-  };
-  const up = () => release("pointer");
-  // Keys make no click here and a pointer counts its clicks: what is left comes from a screen reader.
-  const click = (/** @type {MouseEvent} */ event) => {
-    if (event.detail !== 0) return;
-    press("click");
-    release();
-  };
-  const onKey = (/** @type {() => void} */ act) => (/** @type {KeyboardEvent} */ event) => {
-    // Space would scroll the page; a held key repeats.
-    if (event.key !== "Enter" && event.key !== " ") return;
-    event.preventDefault();
-    act();
-  };
-  return html`<button class="reset" onPointerDown=${() => press("pointer")} onPointerUp=${up} onPointerLeave=${up}
-    onPointerCancel=${up} onBlur=${() => release()} onClick=${click}
-    onContextMenu=${(/** @type {Event} */ event) => event.preventDefault()}
-    onKeyDown=${onKey(() => press("key"))} onKeyUp=${onKey(() => release("key"))}>Reset (active while held)</button>`;
 }

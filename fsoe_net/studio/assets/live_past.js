@@ -31,6 +31,8 @@ export class Past {
   /** @type {LiveView | null} */
   view = null;
   run = "";
+  /** The machine, whose facts come once. @type {import("./types").LivePicture | null} */
+  picture = null;
   /** Number of the first event that is kept. */
   first = 0;
   left_out = 0;
@@ -52,14 +54,15 @@ export class Past {
     return this.first + this.events.length;
   }
 
-  /** @param {Picture} picture */
-  take(picture) {
-    const { events, first, left_out, scope, ...view } = picture;
+  /** @param {Picture} update */
+  take(update) {
+    const { events, first, left_out, scope, picture: parts, ...view } = update;
     // Another run: its times and event numbers begin at 0.
     if (view.run !== this.run || view.source !== this.view?.source) {
       Object.assign(this, new Past(), { run: view.run });
     }
     this.view = view;
+    this.picture = parts ?? this.picture;
     this.left_out = Math.max(left_out, this.left_out);
     // Events between were missed: the list continues after the gap.
     if (first > this.nextEvent) {

@@ -3,6 +3,7 @@ import { useLayoutEffect, useRef } from "./vendor/hooks.js";
 import { colour } from "./colours.js";
 import { html } from "./html.js";
 import { LEVELS, clock, lastBefore } from "./live_past.js";
+import { penOf } from "./live_time.js";
 
 /** @typedef {import("./types").LiveConnection} LiveConnection */
 /** @typedef {import("./live_past.js").Past} Past */
@@ -30,33 +31,26 @@ export function Strips({ past, from, to, chosen, choose }) {
   const there = connections.filter((c) => !c.absent);
   const up = there.filter((c) => c.in_data).length;
   return html`<section class="strips" aria-label="Connections over time">
-    <h2>Connections</h2>
-    <p role="status">
-      ${there.length ? `${up === there.length ? "✔" : "✖"} ${up} of ${there.length} in Data` : "None are known yet."}
-    </p>
+    <h3>Connections <small role="status">${there.length ? `${up === there.length ? "✔" : "✖"} ${up} of ${there.length} in Data` : "None are known yet."}</small></h3>
     <ol ref=${list}>
       ${connections.map((c) => {
         const [shape, colour] = c.absent ? MARKS.unknown : MARKS[c.level];
-        return html`<li key=${c.name} class=${chosen === c.name ? "chosen" : ""}>
-          <button class="name" aria-pressed=${chosen === c.name}
+        return html`<li key=${c.name} class="track ${chosen === c.name ? "chosen" : ""}">
+          <span class="legend"><button class="name" aria-pressed=${chosen === c.name}
             onClick=${() => choose(chosen === c.name ? "" : c.name)}>${c.name}</button>
-          <span class="state ${colour}">${shape} ${c.absent ? "absent, as it may be" : c.state}</span>
+          <span class="state ${colour}">${shape} ${c.absent ? "absent, as it may be" : c.state}</span></span>
           <canvas role="img" aria-label=${`States of ${c.name} from ${clock(from)} to ${clock(to)}`}></canvas>
-          <small class="figures">${figures(c)}</small>
-          ${c.cause && html`<small class="cause">last Reset: ${c.cause}</small>`}
-          ${c.reasons.length > 0 && html`<small class="cause ${colour}">${c.reasons.join(", ")}</small>`}
         </li>`;
       })}
     </ol>
-    <p class="help">
-      From low to high: ${LEVELS.map((l) => l.replace("Data · ", "")).join(", ")}.
-      ▼ is a Reset; press a connection to see its events with the causes.
-    </p>
   </section>`;
 }
 
-/** @param {LiveConnection} c */
-function figures(c) {
+/** What the levels of a strip are. */
+export const STRIP_HELP = `From low to high: ${LEVELS.map((l) => l.replace("Data · ", "")).join(", ")}. ▼ is a Reset.`;
+
+/** Times and counters of a connection. @param {LiveConnection} c */
+export function figures(c) {
   const cycle = `FSoE cycle ${c.last_ms.toFixed(1)} ms, longest ${c.max_ms.toFixed(1)}`;
   const share = c.share === null || c.watchdog_ms === null ? "" : ` = ${(100 * c.share).toFixed(0)} % of ${c.watchdog_ms} ms`;
   const rest = [[c.wrong, "with wrong CRC"], [c.gaps, "gaps"], [c.held, "cycles held"]]
@@ -69,27 +63,15 @@ function figures(c) {
 /** @param {HTMLElement} list @param {Past} past @param {number} from @param {number} to */
 function draw(list, past, from, to) {
   const canvases = list.querySelectorAll("canvas");
-  if (!canvases.length) return;
-  const [width, ratio] = [canvases[0].clientWidth, devicePixelRatio];
   const colours = {
     edge: colour("edge"), ink: colour("ink"), main: colour("main"), error: colour("error"), paper: colour("paper"),
     low: colour("strip-low"), mid: colour("strip-mid"), failsafe: colour("strip-failsafe"), process: colour("strip-process"),
   };
   past.view?.connections.forEach((c, number) => {
-    const canvas = canvases[number];
-    const place = canvas.getBoundingClientRect();
-    if (place.bottom < 0 || place.top > innerHeight) return; // out of sight
-    // Setting the size clears a canvas and costs time, so that it is set on a change only.
-    if (canvas.width !== Math.round(width * ratio)) {
-      canvas.width = Math.round(width * ratio);
-      canvas.height = Math.round(HEIGHT * ratio);
-    }
-    const pen = canvas.getContext("2d");
-    if (!pen) return;
-    pen.setTransform(ratio, 0, 0, ratio, 0, 0);
-    pen.clearRect(0, 0, width, HEIGHT);
+    const pen = penOf(canvases[number], HEIGHT);
     const strip = past.strips.get(c.name);
-    if (strip) drawStrip(pen, strip, width, from, Math.max(to, from + 1), past.view?.now_ms ?? to, colours);
+    if (!pen || !strip) return;
+    drawStrip(pen, strip, canvases[number].clientWidth, from, Math.max(to, from + 1), past.view?.now_ms ?? to, colours);
   });
 }
 

@@ -331,6 +331,69 @@ export interface LiveSubDevice {
   rx_errors: number;
 }
 
+/** A safe input or output of the picture. */
+export interface LiveLamp {
+  name: string;
+  label: string;
+}
+
+/** A SubDevice of the picture, see fsoe_net/studio/live_cabling.py. */
+export interface LiveNode {
+  /** Empty: the scan has it, and the network does not. */
+  name: string;
+  kind: SubDeviceKind;
+  type: string;
+  about: string;
+  bus: number;
+  /** Number of the node before it; null: the MainDevice. */
+  parent: number | null;
+  port: number;
+  inputs: LiveLamp[];
+  outputs: LiveLamp[];
+  axes: string[];
+}
+
+/** An e-stop: safe inputs of a SubDevice that a safety logic reads. */
+export interface LiveStop {
+  logic: string;
+  subdevice: string;
+  /** Sensors of the safety functions; empty: none is named. */
+  title: string;
+  inputs: string[];
+}
+
+/** What stays the same of a machine. */
+export interface LivePicture {
+  buses: string[];
+  /** Numbers of the nodes from which a cable returns to the MainDevice. */
+  rings: number[];
+  nodes: LiveNode[];
+  stops?: LiveStop[];
+}
+
+/** What changes of an emulated machine, see fsoe_net/studio/live_machine.py. */
+export interface LiveMachine {
+  /** Of the lamps of each node, inputs first. */
+  values: number[];
+  /** Numbers of cut cables. */
+  cut: number[];
+  /** SubDevices after a cut cable. */
+  separated: string[];
+  /** Of the axes of each node: position as a part of a turn, speed in rpm, state. */
+  axes: [number, number, string][];
+  logics: { name: string; on: boolean }[];
+}
+
+/** What is selected in the picture. */
+export type LiveSelected = { subdevice: string } | { connection: string } | null;
+
+/** Acts on an emulated run, with what to expect. */
+export interface Order {
+  command: (lines: string[], expect: string) => void;
+  hold: (ms: number, expect: string) => void;
+  cable: (number: number, whole: boolean) => void;
+}
+
 export interface Histogram {
   count: number;
   mean_ns: number;
@@ -377,6 +440,8 @@ export interface LiveView {
   /** Of the files of an emulated run. */
   content: string | null;
   notes: string[];
+  /** Of an emulated run. */
+  machine: LiveMachine | null;
   connections: LiveConnection[];
   subdevices: LiveSubDevice[];
   /** Health of the bus; null of a recorded run. */
@@ -422,6 +487,8 @@ export interface Picture extends LiveView {
   left_out: number;
   events: LiveEvent[];
   scope: ScopePart | null;
+  /** Of a recorded run, with the view. */
+  picture?: LivePicture;
 }
 
 export interface ScopePart {

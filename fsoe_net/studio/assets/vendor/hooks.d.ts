@@ -5,3 +5,4 @@ export function useRef<T>(first: T): { current: T };
 export function useEffect(run: () => Ends, inputs?: unknown[]): void;
 export function useLayoutEffect(run: () => Ends, inputs?: unknown[]): void;
 export function useCallback<T>(call: T, inputs: unknown[]): T;
+export function useMemo<T>(make: () => T, inputs: unknown[]): T;
