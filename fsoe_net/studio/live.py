@@ -65,6 +65,7 @@ class Live:
             "command": self._command,
             "hold": self._hold,
             "cable": self._cable,
+            "axes": self._axes,
             "scope": self._scope,
             "open": _open,
         }
@@ -235,6 +236,13 @@ class Live:
         if type(number) is not int or type(whole) is not bool:
             raise InputError("number is that of a cable, whole is true or false")
         self._started().set_cable(number, whole=whole)
+        return {}
+
+    def _axes(self, body: Body) -> Row:
+        run = body.get("run")
+        if type(run) is not bool:
+            raise InputError("run is true or false")
+        self._started().turn_axes(run=run)
         return {}
 
     def _started(self) -> EmulatedFeed:

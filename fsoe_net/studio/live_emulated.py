@@ -18,6 +18,7 @@ from fsoe_net.live.result import result_health, state_fields
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.model.scan import Scan
 from fsoe_net.project.simulate import prepare
+from fsoe_net.simulate.axis_program import AxisProgram
 from fsoe_net.simulate.commands import CommandError
 from fsoe_net.simulate.emulated_documents import subdevices_json
 from fsoe_net.studio.live_feed import ALONE_S, PICTURE_S, LiveFeed, ScopeRing
@@ -67,6 +68,7 @@ class EmulatedFeed(LiveFeed):
         self._pace = _Pace()
         self._fault = ""
         self._machine = EmulatedMachine(self._session, scan)
+        self._axes = AxisProgram(self._session)
         self._signals = scope_signals(self._session, self._machine.label)
         self.scope = ScopeRing(first_signals(self._session, self._signals), 1)
         self._look(ended=False)
@@ -156,9 +158,24 @@ class EmulatedFeed(LiveFeed):
 
         self._order(obey)
 
+    def turn_axes(self, *, run: bool) -> None:
+        """Start or stop the program that turns the axes.
+
+        Raises:
+            InputError: There is no axis to turn, or the run has ended.
+        """
+        if not self._axes.can_run:
+            raise InputError("this network has no drive with controlword, mode and target velocity")
+
+        def obey(now_ns: int) -> None:
+            (self._axes.start if run else self._axes.stop)()
+            self._session.engine.log(now_ns, "axes", "start" if run else "stop")
+
+        self._order(obey)
+
     def machine(self) -> Row:
         """Return the picture of the network."""
-        return self._machine.row()
+        return self._machine.row() | {"has_axes": self._axes.can_run}
 
     def document(self) -> Row:
         """Return the document of `fsoe-net run --format json`."""
@@ -230,6 +247,7 @@ class EmulatedFeed(LiveFeed):
             if self._now_ns >= self._held_until_ns:
                 session.core.cycle(self._now_ns)
             session.step_devices(self._now_ns)
+            self._axes.step()
             self._on_the_wire()
             # One object for the whole step: a page may select other signals at any time.
             ring = self.scope
@@ -287,7 +305,7 @@ class EmulatedFeed(LiveFeed):
                 "pace": self._pace.share(self._now_ns),
                 "content": self._content,
                 "notes": [],
-                "machine": self._machine.view(),
+                "machine": self._machine.view() | {"turning": self._axes.runs},
                 "connections": [
                     connection_row(c, h, cause=c.last_reset_text, held=0)
                     for c, h in zip(results, health, strict=True)

@@ -273,6 +273,9 @@ def test_odd_requests_are_answered(browser: Browser, page: Page) -> None:
     assert browser.post("live/scope", {"source": "emulated", "signals": [1]})[0] == 422
     for number, whole in ((2, True), (-1, True), (True, True), ("0", True), (0, 1)):
         assert browser.post("live/cable", {"number": number, "whole": whole})[0] == 422
+    for run, said in ((1, "run is true or false"), (True, "has no drive with controlword")):
+        status, answer = browser.post("live/axes", {"run": run})
+        assert (status, said in str(answer["error"])) == (422, True)
     for line, said in (
         ("explode", "unknown command 'explode'"),
         ("break me", "no SubDevice 'me'"),

@@ -42,6 +42,17 @@ def test_a_cable_is_cut_by_mouse_and_repaired_by_keyboard(page: Any) -> None:
     page.locator(".log .events").get_by_text("cable between el2904 and drive_1 repaired").wait_for()
 
 
+def test_motors_turn_until_the_e_stop(page: Any) -> None:
+    hand = page.get_by_role("button", name="drive_1, drive").locator(".axis g")
+    first = hand.get_attribute("transform")
+    page.get_by_role("button", name="Start the axes").click()
+    page.locator(".axis.turns").nth(1).wait_for()
+    assert hand.get_attribute("transform") != first
+    page.get_by_role("button", name="Press button ES1 at el1904").click()
+    page.locator(".axis.turns").first.wait_for(state="detached")
+    page.get_by_role("button", name="Start the axes").wait_for()  # the program has stopped, too
+
+
 def until(page: Any) -> float:
     """Return the end of the window of the time axis in s."""
     return float(page.locator(".times > .row output").inner_text().split()[0])

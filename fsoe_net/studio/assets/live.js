@@ -198,6 +198,9 @@ function useOrder() {
       cable: (number, whole) => send("cable", { number, whole }, whole
         ? "The cable is repaired: the SubDevices after it answer again, and their connections restart by themselves."
         : "The cable is cut: all SubDevices after it are gone at once. In a ring, frames take the other way."),
+      axes: (run) => send("axes", { run }, run
+        ? "The standard program enables the drives and turns them. It stops when a safety function takes the torque off, and starts again only here."
+        : "The standard program disables the drives: they coast to a stop."),
     };
     return acts;
   }, []);

@@ -16,6 +16,7 @@ export function Buttons({ names, picture, view, order }) {
     ${(picture.stops ?? []).map((stop) => html`<${Stop} key=${`${stop.logic} ${stop.subdevice}`} stop=${stop}
       pressed=${isPressed(stop, values)} order=${order} />`)}
     <${Reset} order=${order} of=${logics.join(", ")} />
+    ${picture.has_axes && html`<${Axes} turning=${view.machine?.turning ?? false} order=${order} />`}
     <${More} names=${names} view=${view} order=${order} />
   </section>`;
 }
@@ -68,6 +69,14 @@ function Reset({ order, of }) {
       onContextMenu=${(/** @type {Event} */ event) => event.preventDefault()} aria-label="Reset (active while held)"
       onKeyDown=${onKey(() => press("key"))} onKeyUp=${onKey(() => release("key"))}>Reset</button>
     <span><b>Reset</b><small>of ${of}</small><small>active while held</small></span>
+  </div>`;
+}
+
+/** Start and stop of the standard program. @param {{ turning: boolean, order: Order }} props */
+function Axes({ turning, order }) {
+  return html`<div class="stop">
+    <button class="start-axes" onClick=${() => order.axes(!turning)} aria-label=${turning ? "Stop the axes" : "Start the axes"}>${turning ? "■" : "▶"}</button>
+    <span><b>Axes</b><small>standard program</small><small>${turning ? "● turns them" : "○ stopped"}</small></span>
   </div>`;
 }
 

@@ -14,7 +14,7 @@ import { kindText, Symbol } from "./symbols.js";
 /** @typedef {[number, number, string]} Axis */
 
 const CHAR_PX = 7.4;
-const SMALL_PX = 6.2; // of a character of small text
+const SMALL_PX = 6.6; // of a character of small text
 const RING_R = 9;
 
 /** @param {string} text @param {number} width @param {number} px of a character */

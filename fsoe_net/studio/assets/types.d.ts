@@ -369,6 +369,8 @@ export interface LivePicture {
   rings: number[];
   nodes: LiveNode[];
   stops?: LiveStop[];
+  /** Whether axes can be turned, in an emulated run. */
+  has_axes?: boolean;
 }
 
 /** What changes of an emulated machine, see fsoe_net/studio/live_machine.py. */
@@ -382,6 +384,8 @@ export interface LiveMachine {
   /** Of the axes of each node: position as a part of a turn, speed in rpm, state. */
   axes: [number, number, string][];
   logics: { name: string; on: boolean }[];
+  /** Whether the program runs that turns the axes. */
+  turning: boolean;
 }
 
 /** What is selected in the picture. */
@@ -392,6 +396,7 @@ export interface Order {
   command: (lines: string[], expect: string) => void;
   hold: (ms: number, expect: string) => void;
   cable: (number: number, whole: boolean) => void;
+  axes: (run: boolean) => void;
 }
 
 export interface Histogram {
