@@ -25,9 +25,10 @@ from fsoe_net.project.simulate import simulate
 needed("starlette", "studio")
 
 from fsoe_net.studio import live_emulated, live_feed  # noqa: E402
-from fsoe_net.studio.live_emulated import EmulatedFeed, _Pace  # noqa: E402
+from fsoe_net.studio.live_emulated import EmulatedFeed  # noqa: E402
 from fsoe_net.studio.live_feed import EventHistory, ScopeRing  # noqa: E402
 from fsoe_net.studio.live_master import MasterFeed, _notes, _title  # noqa: E402
+from fsoe_net.studio.live_pace import Pace  # noqa: E402
 from fsoe_net.studio.live_rows import event_row, recorded_view  # noqa: E402
 from fsoe_net.studio.live_signals import reader  # noqa: E402
 
@@ -95,7 +96,7 @@ def test_a_signal_is_read_from_its_bits() -> None:
 def test_lost_time_is_not_made_up_for(monkeypatch: pytest.MonkeyPatch) -> None:
     now = [0]
     monkeypatch.setattr(time, "monotonic_ns", lambda: now[0])
-    pace, end = _Pace(), threading.Event()
+    pace, end = Pace(), threading.Event()
     end.set()  # no wait in earnest
     assert pace.share(0) is None
     now[0] = 2_000_000_000

@@ -111,6 +111,16 @@ export function cableText(picture, number) {
  *   act: ((number: number, whole: boolean) => void) | null }} props
  */
 function CableLine({ cable, picture, isCut, act }) {
+  return useMemo(() => cableLine(cable, picture, isCut, act), [cable, picture, isCut, act]);
+}
+
+/**
+ * @param {import("./live_machine.js").Cable} cable
+ * @param {LivePicture} picture
+ * @param {boolean} isCut
+ * @param {((number: number, whole: boolean) => void) | null} act
+ */
+function cableLine(cable, picture, isCut, act) {
   const { number, path, x, y } = cable;
   const text = `Cable between ${cableText(picture, number)}: ${isCut ? "cut" : "whole"}`;
   const button = act && { ...asButton(() => act(number, isCut)), "aria-label": `${text}; press to ${isCut ? "repair" : "cut"} it` };
@@ -138,7 +148,16 @@ export const connectionText = (c) => (c.absent ? "absent, as it may be" : c.stat
  *   choose: (what: LiveSelected) => void }} props
  */
 function ArcLine({ arc, connection: c, chosen, choose }) {
-  if (!c) return null;
+  return useMemo(() => c && arcLine(arc, c, chosen, choose), [arc, c?.state, c?.level, c?.absent, c?.max_ms, chosen]);
+}
+
+/**
+ * @param {import("./live_machine.js").Arc} arc
+ * @param {LiveConnection} c
+ * @param {boolean} chosen
+ * @param {(what: LiveSelected) => void} choose
+ */
+function arcLine(arc, c, chosen, choose) {
   const { path, x, y } = arc;
   const share = c.share === null ? null : Math.round(100 * c.share);
   const facts = c.connection_id === null ? c.name : `ConnID ${c.connection_id}`;
@@ -162,7 +181,7 @@ function ArcLine({ arc, connection: c, chosen, choose }) {
  *   isOn: boolean | undefined, roomy: boolean, chosen: boolean, choose: (what: LiveSelected) => void }} props
  */
 function SubDevice({ node, box, sub, lamps, axes, isOn, roomy, chosen, choose }) {
-  const key = JSON.stringify([sub?.al, sub?.known, sub?.level, lamps, axes, isOn, roomy, chosen]);
+  const key = [sub?.al, sub?.known, sub?.level, isOn, roomy, chosen, ...lamps, ...axes.flat()].join();
   // Most SubDevices are as before: the same part of the page is given back, and not compared.
   return useMemo(() => {
     const [shape, colour] = MARKS[sub?.level ?? "unknown"];

@@ -1,8 +1,8 @@
 // Each connection as a strip of its states over time, with a mark for every Reset.
-import { useLayoutEffect, useRef } from "./vendor/hooks.js";
+import { useLayoutEffect, useMemo, useRef } from "./vendor/hooks.js";
 import { colour } from "./colours.js";
 import { html } from "./html.js";
-import { LEVELS, clock, lastBefore } from "./live_past.js";
+import { LEVELS, lastBefore } from "./live_past.js";
 import { penOf } from "./live_time.js";
 
 /** @typedef {import("./types").LiveConnection} LiveConnection */
@@ -33,17 +33,22 @@ export function Strips({ past, from, to, chosen, choose }) {
   return html`<section class="strips" aria-label="Connections over time">
     <h3>Connections <small role="status">${there.length ? `${up === there.length ? "✔" : "✖"} ${up} of ${there.length} in Data` : "None are known yet."}</small></h3>
     <ol ref=${list}>
-      ${connections.map((c) => {
-        const [shape, colour] = c.absent ? MARKS.unknown : MARKS[c.level];
-        return html`<li key=${c.name} class="track ${chosen === c.name ? "chosen" : ""}">
-          <span class="legend"><button class="name" aria-pressed=${chosen === c.name}
-            onClick=${() => choose(chosen === c.name ? "" : c.name)}>${c.name}</button>
-          <span class="state ${colour}">${shape} ${c.absent ? "absent, as it may be" : c.state}</span></span>
-          <canvas role="img" aria-label=${`States of ${c.name} from ${clock(from)} to ${clock(to)}`}></canvas>
-        </li>`;
-      })}
+      ${connections.map((c) => html`<${Row} key=${c.name} connection=${c} chosen=${chosen === c.name} choose=${choose} />`)}
     </ol>
   </section>`;
+}
+
+/** @param {{ connection: LiveConnection, chosen: boolean, choose: (name: string) => void }} props */
+function Row({ connection: { name, state, absent, level }, chosen, choose }) {
+  // Kept while it is the same: most of many connections are.
+  return useMemo(() => {
+    const [shape, colour] = absent ? MARKS.unknown : MARKS[level];
+    return html`<li class="track ${chosen ? "chosen" : ""}">
+      <span class="legend"><button class="name" aria-pressed=${chosen} onClick=${() => choose(chosen ? "" : name)}>${name}</button>
+      <span class="state ${colour}">${shape} ${absent ? "absent, as it may be" : state}</span></span>
+      <canvas role="img" aria-label=${`States of ${name} over time`}></canvas>
+    </li>`;
+  }, [name, state, absent, level, chosen]);
 }
 
 /** What the levels of a strip are. */
@@ -67,12 +72,15 @@ function draw(list, past, from, to) {
     edge: colour("edge"), ink: colour("ink"), main: colour("main"), error: colour("error"), paper: colour("paper"),
     low: colour("strip-low"), mid: colour("strip-mid"), failsafe: colour("strip-failsafe"), process: colour("strip-process"),
   };
-  past.view?.connections.forEach((c, number) => {
-    const pen = penOf(canvases[number], HEIGHT);
-    const strip = past.strips.get(c.name);
-    if (!pen || !strip) return;
-    drawStrip(pen, strip, canvases[number].clientWidth, from, Math.max(to, from + 1), past.view?.now_ms ?? to, colours);
-  });
+  const connections = past.view?.connections ?? [];
+  // All rows have one height: those in sight are known without asking each.
+  const { top, height } = list.getBoundingClientRect();
+  const each = height / Math.max(1, connections.length);
+  for (let n = Math.max(0, Math.floor(-top / each)); n < connections.length && top + n * each < innerHeight; n++) {
+    const strip = past.strips.get(connections[n].name);
+    const pen = strip && penOf(canvases[n], HEIGHT);
+    if (pen) drawStrip(pen, strip, canvases[n].clientWidth, from, Math.max(to, from + 1), past.view?.now_ms ?? to, colours);
+  }
 }
 
 /**
