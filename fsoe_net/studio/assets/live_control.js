@@ -113,7 +113,7 @@ export function Control({ view }) {
     });
   };
   const seconds = (held?.lease_ms ?? 0) / 1000;
-  return html`<section class="buttons control" aria-label="Control the bus">
+  return html`<section class="control" aria-label="Control the bus">
     <h2>Control this bus</h2>
     <p>▲ ${NO_EMERGENCY_STOP} Each act is in the events, and in the intervention log of fsn-master where it keeps one.</p>
     ${error && html`<p class="error" role="alert">✖ ${error}</p>`}

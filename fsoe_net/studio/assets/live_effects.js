@@ -114,7 +114,19 @@ export function busReports({ bus, away }) {
  */
 export function reportsOf(view) {
   const parts = [...view.subdevices, ...view.connections].filter((part) => part.reasons.length);
-  return parts.map((part) => ({ level: part.level, what: part.name, why: part.reasons.join(", "), back: "" }));
+  // Parts with the same reasons are one report: a stopped bus has them all.
+  /** @type {Map<string, typeof parts>} */
+  const reports = new Map();
+  for (const part of parts) {
+    const key = `${part.level} ${part.reasons.join(", ")}`;
+    reports.set(key, [...(reports.get(key) ?? []), part]);
+  }
+  return [...reports.values()].map((same) => ({
+    level: same[0].level,
+    what: listed(same.map((part) => part.name)),
+    why: same[0].reasons.join(", "),
+    back: "",
+  }));
 }
 
 /** @param {{ effects: Effect[], good: string }} props `good`: said without any effect */

@@ -62,12 +62,13 @@ export function chains(picture) {
   return found;
 }
 
-/** Height of a box. @param {import("./types").LiveNode} node @param {boolean} roomy */
-function heightOf(node, roomy) {
-  const lamps = roomy
+/** Height of a box. @param {LivePicture} picture @param {number} number */
+function heightOf(picture, number) {
+  const node = picture.nodes[number];
+  const lamps = isRoomy(picture)
     ? LAMP_PX * (node.inputs.length + node.outputs.length)
     : LAMP_PX * (Number(node.inputs.length > 0) + Number(node.outputs.length > 0));
-  const logic = node.kind === "logic" ? 30 : 0; // its outputs, on or off
+  const logic = picture.stops && node.kind === "logic" ? 30 : 0; // its outputs, on or off
   return HEAD_PX + lamps + logic + (node.axes.length ? AXIS_PX : 0) + (lamps ? 8 : 0);
 }
 
@@ -108,7 +109,7 @@ export function layout(picture, connections, width) {
   for (const row of rows) {
     for (let begin = 0; begin < row.nodes.length; begin += perLine) {
       const part = row.nodes.slice(begin, begin + perLine);
-      const heights = part.map((n) => heightOf(picture.nodes[n], isRoomy(picture)));
+      const heights = part.map((n) => heightOf(picture, n));
       const high = Math.max(...heights);
       y += BAND_PX;
       part.forEach((n, at) => {
