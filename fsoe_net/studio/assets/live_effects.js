@@ -80,16 +80,16 @@ export function effectsOf(picture, view, strips) {
       back: "It restarts by itself when frames pass again: Session, Connection, Parameter, Data.",
     });
   }
+  const off = machine.logics.filter((logic) => !logic.on).map((logic) => logic.name);
   const back = view.connections.filter((c) => c.in_data && c.resets && view.now_ms - Number(strips.get(c.name)?.marks.at(-1)?.time_ms) < RECENT_MS);
   if (back.length) {
     found.push({
       level: "warning",
       what: `Reset, and back in Data: ${listed(back.map((c) => c.name))}.`,
       why: `The last Reset: ${back[0].cause}. The connection started again by itself.`,
-      back: "Its outputs stay off until a person holds Reset.",
+      back: off.length ? "Its outputs stay off until a person holds Reset." : "",
     });
   }
-  const off = machine.logics.filter((logic) => !logic.on).map((logic) => logic.name);
   if (off.length && !pressed.length && !down.length) {
     found.push({
       level: "warning",
