@@ -1,5 +1,5 @@
 // The bus of the live page: working counter, times of the cycle, events.
-import { useState } from "./vendor/hooks.js";
+import { useMemo, useState } from "./vendor/hooks.js";
 import { html } from "./html.js";
 import { clock, lastBefore } from "./live_past.js";
 
@@ -60,13 +60,17 @@ function Bars({ histogram: h, name }) {
 export function Events({ events, leftOut, time, chosen, choose }) {
   const [resetsOnly, setResetsOnly] = useState(false);
   const { to, cursor } = time;
-  /** @type {[number, LiveEvent][]} */
-  const shown = [];
-  // From the newest event back: of a long run only the last ones are built.
-  for (let n = lastBefore(events, to, (e) => e.time_ms); n >= 0 && shown.length < SHOWN; n--) {
-    const e = events[n];
-    if ((!chosen || e.source === chosen) && (!resetsOnly || e.kind === "reset")) shown.push([n, e]);
-  }
+  const last = lastBefore(events, to, (e) => e.time_ms);
+  // From the newest event back: of a long run only the last ones are built, and only when there are others.
+  const shown = useMemo(() => {
+    /** @type {[number, LiveEvent][]} */
+    const rows = [];
+    for (let n = last; n >= 0 && rows.length < SHOWN; n--) {
+      const e = events[n];
+      if ((!chosen || e.source === chosen) && (!resetsOnly || e.kind === "reset")) rows.push([n + leftOut, e]);
+    }
+    return rows;
+  }, [events, last + leftOut, chosen, resetsOnly]);
   // Of several events at one time, all are marked.
   const marked = cursor === null ? null : shown.find(([, e]) => e.time_ms <= cursor)?.[1].time_ms;
   const onKey = (/** @type {KeyboardEvent} */ event) => {
@@ -79,6 +83,10 @@ export function Events({ events, leftOut, time, chosen, choose }) {
     event.preventDefault(); // the list would scroll
     time.point(next[1].time_ms);
   };
+  const rows = useMemo(() => shown.map(([n, e]) => html`<li key=${n} class=${e.kind === "reset" ? "reset" : ""} aria-current=${e.time_ms === marked ? "true" : undefined}
+        onMouseEnter=${() => time.point(e.time_ms)} onMouseLeave=${() => time.point(null)}>
+      <code>${clock(e.time_ms)}</code> ${e.kind === "reset" ? "▼ " : ""}${e.source}: ${e.text}
+    </li>`), [shown, marked]);
   return html`<section class="log" aria-label="Events">
     <p class="row">
       <b>Events, the newest first</b>
@@ -86,10 +94,7 @@ export function Events({ events, leftOut, time, chosen, choose }) {
       ${chosen && html`<button onClick=${() => choose("")}>of ${chosen}: show all</button>`}
     </p>
     <ol class="events" tabindex="0" aria-label="Events: arrow keys move the cursor of the time axis" onKeyDown=${onKey}>
-      ${shown.map(([n, e]) => html`<li key=${n + leftOut} class=${e.kind === "reset" ? "reset" : ""} aria-current=${e.time_ms === marked ? "true" : undefined}
-          onMouseEnter=${() => time.point(e.time_ms)} onMouseLeave=${() => time.point(null)}>
-        <code>${clock(e.time_ms)}</code> ${e.kind === "reset" ? "▼ " : ""}${e.source}: ${e.text}
-      </li>`)}
+      ${rows}
     </ol>
     ${leftOut > 0 && html`<p><small>${leftOut} earlier events are no longer kept.</small></p>`}
   </section>`;

@@ -1,5 +1,5 @@
 // Values of several signals at every cycle of the last ten seconds, each in a track of its own.
-import { useEffect, useLayoutEffect, useRef, useState } from "./vendor/hooks.js";
+import { useEffect, useLayoutEffect, useMemo, useRef, useState } from "./vendor/hooks.js";
 import { colour } from "./colours.js";
 import { html } from "./html.js";
 import { lastBefore } from "./live_past.js";
@@ -41,16 +41,19 @@ export function Scope({ past, rows, source, run, time }) {
   });
   const shown = lastBefore(rows, cursor ?? to, timeOf);
   const labels = new Map(known.map((s) => [s.name, s.label]));
-  const free = known.filter((s) => !signals.includes(s.name));
-  const kinds = [...new Set(free.map((s) => s.kind))];
+  // A large network has thousands of signals, and the list changes with the choice only.
+  const options = useMemo(() => {
+    const free = known.filter((s) => !signals.includes(s.name));
+    return [...new Set(free.map((s) => s.kind))].map((kind) => html`<optgroup label=${kind}>
+      ${free.filter((s) => s.kind === kind).map((s) => html`<option value=${s.name}>${s.label ? `${s.label} (${s.name})` : s.name}</option>`)}
+    </optgroup>`);
+  }, [known, past.choice]);
   return html`<section class="scope" aria-label="Scope">
     <h3>Signals <small>every cycle of the last 10 s${past.skipped > 0 && `; ${past.skipped} cycles are missing`}</small>
       <label>Add a signal <select value="" onFocus=${() => known.length || ask()}
         onChange=${(/** @type {any} */ e) => e.target.value && choose([...signals, e.target.value])}>
         <option value="">choose …</option>
-        ${kinds.map((kind) => html`<optgroup label=${kind}>
-          ${free.filter((s) => s.kind === kind).map((s) => html`<option value=${s.name}>${s.label ? `${s.label} (${s.name})` : s.name}</option>`)}
-        </optgroup>`)}
+        ${options}
       </select></label></h3>
     ${(error || past.fault) && html`<p class="error" role="alert">${error || past.fault}</p>`}
     <ol ref=${list}>
