@@ -153,6 +153,10 @@ def test_a_repaired_cable_returns_neither_what_was_pulled_nor_what_is_absent() -
     assert session.absent == set(names)
     feed.set_cable(0, whole=True)
     assert session.absent == absent
+    feed.set_cable(0, whole=False)
+    feed.command(["pull gripper"])  # meanwhile
+    feed.set_cable(0, whole=True)
+    assert session.absent == absent | {"valves"}
 
 
 def subdevice(name: str, position: int, link: tuple[int, ...] = ()) -> SubDeviceSnapshot:

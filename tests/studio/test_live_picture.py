@@ -87,8 +87,14 @@ def test_one_time_axis_is_scrolled_zoomed_and_has_one_cursor(page: Any) -> None:
     page.mouse.up()
     assert before - until(page) == pytest.approx(0.2, abs=0.02)
     tracks.focus()
+    page.keyboard.press("Home")
+    assert until(page) == pytest.approx(2, abs=0.0015)  # the first 2 s
+    pause = page.get_by_role("button", name="Pause")
+    while not pause.count():
+        page.keyboard.press("ArrowRight")  # up to the newest time, which it then follows
+    page.keyboard.press("ArrowLeft")
     page.keyboard.press("End")
-    page.get_by_role("button", name="Pause").wait_for()
+    pause.wait_for()
 
 
 def test_an_event_under_the_cursor_is_marked(page: Any) -> None:

@@ -123,9 +123,10 @@ function CableLine({ cable, picture, isCut, act }) {
 function cableLine(cable, picture, isCut, act) {
   const { number, path, x, y } = cable;
   const text = `Cable between ${cableText(picture, number)}: ${isCut ? "cut" : "whole"}`;
-  const button = act && { ...asButton(() => act(number, isCut)), "aria-label": `${text}; press to ${isCut ? "repair" : "cut"} it` };
+  const label = act ? `${text}; press to ${isCut ? "repair" : "cut"} it` : text;
+  const button = act && { ...asButton(() => act(number, isCut)), "aria-label": label };
   return html`<g class="cable ${isCut ? "cut" : ""} ${act ? "acts" : ""}" ...${button}>
-    <title>${text}${act ? `; press to ${isCut ? "repair" : "cut"} it` : ""}</title>
+    <title>${label}</title>
     ${act && html`<path class="wide" d=${path} />`}<path class="thin" d=${path} />
     ${isCut
       ? html`<circle cx=${x} cy=${y} r="10" /><path class="sign" d=${`M${x - 5} ${y - 5}l10 10M${x + 5} ${y - 5}l-10 10`} />`

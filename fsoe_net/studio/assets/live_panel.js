@@ -52,11 +52,7 @@ function Acts({ name, view, names, order, gone }) {
   const powered = names.subdevices.find((s) => s.name === name)?.powered;
   const inputs = names.inputs.filter((i) => i.subdevice === name);
   return html`<div class="row">
-      ${separated
-        ? html`<span>A cut cable separates it: repair the cable.</span>`
-        : gone
-          ? html`<button onClick=${() => order.command([`heal ${name}`], `${name} answers again; its connections restart, through Session, Connection and Parameter to Data.`)}>Reconnect it</button>`
-          : html`<button onClick=${() => order.command([`break ${name}`], `${name} is gone: the FSoE watchdogs of its connections expire, the connections are reset, outputs go off.`)}>Disconnect it</button>`}
+      ${separated ? html`<span>A cut cable separates it: repair the cable.</span>` : html`<${Plug} name=${name} order=${order} gone=${gone} />`}
       ${powered && html`<button onClick=${() => order.command([`power-cycle ${name}`], `The FSoE ends of ${name} restart; the other end receives a wrong answer, and resets.`)}>Power cycle</button>`}
     </div>
     ${inputs.length > 0 && html`<details>
@@ -67,6 +63,14 @@ function Acts({ name, view, names, order, gone }) {
           onClick=${() => order.command([`set ${i.name} ${value}`], `${i.label || i.name} is ${value}.`)}>${value}</button>`)}
       </div>`)}
     </details>`}`;
+}
+
+/** @param {{ name: string, order: Order, gone: boolean }} props */
+function Plug({ name, order, gone }) {
+  const [text, line, expect] = gone
+    ? ["Reconnect it", `heal ${name}`, `${name} answers again; its connections restart, through Session, Connection and Parameter to Data.`]
+    : ["Disconnect it", `break ${name}`, `${name} is gone: the FSoE watchdogs of its connections expire, the connections are reset, outputs go off.`];
+  return html`<button onClick=${() => order.command([line], expect)}>${text}</button>`;
 }
 
 /** @param {{ name: string, view: LiveView, order: Order | null }} props */

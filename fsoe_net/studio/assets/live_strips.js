@@ -30,8 +30,9 @@ export function Strips({ past, from, to, chosen, choose }) {
   useLayoutEffect(() => void (list.current && draw(list.current, past, from, to)));
   const there = connections.filter((c) => !c.absent);
   const up = there.filter((c) => c.in_data).length;
+  const count = `${up === there.length ? "✔" : "✖"} ${up} of ${there.length} in Data`;
   return html`<section class="strips" aria-label="Connections over time">
-    <h3>Connections <small role="status">${there.length ? `${up === there.length ? "✔" : "✖"} ${up} of ${there.length} in Data` : "None are known yet."}</small></h3>
+    <h3>Connections <small role="status">${there.length ? count : "None are known yet."}</small></h3>
     <ol ref=${list}>
       ${connections.map((c) => html`<${Row} key=${c.name} connection=${c} chosen=${chosen === c.name} choose=${choose} />`)}
     </ol>

@@ -118,13 +118,19 @@ export function Tracks({ time, children }) {
   };
   const onKey = (/** @type {KeyboardEvent} */ event) => {
     if (event.target !== event.currentTarget) return; // a button in a track has its own keys
-    const step = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
     const at = cursor ?? to;
+    const cursorTo = (/** @type {number} */ next) => () => time.point(Math.min(to, Math.max(from, next)));
     /** @type {Record<string, () => void>} */
-    const acts = { "+": () => time.zoom(0.8, at), "-": () => time.zoom(1.25, at), Home: () => time.hold(time.oldest), End: time.follow, Escape: () => time.point(null) };
-    const act = step === undefined ? acts[event.key] : event.shiftKey
-      ? () => time.point(Math.min(to, Math.max(from, at + (step * span) / 100)))
-      : () => time.pan((step * span) / 10);
+    const acts = {
+      "+": () => time.zoom(0.8, at),
+      "-": () => time.zoom(1.25, at),
+      Home: () => time.hold(time.oldest),
+      End: time.follow,
+      Escape: () => time.point(null),
+      ArrowLeft: event.shiftKey ? cursorTo(at - span / 100) : () => time.pan(-span / 10),
+      ArrowRight: event.shiftKey ? cursorTo(at + span / 100) : () => time.pan(span / 10),
+    };
+    const act = acts[event.key];
     if (!act) return;
     event.preventDefault();
     act();
