@@ -56,6 +56,43 @@ def chromium() -> Iterator[Any]:
         yield browser
 
 
+# The text as the editor holds it: the page draws only the lines in sight.
+_LOADED = 'async () => { window.codemirror = await import("/assets/vendor/codemirror-view.js"); }'
+_TEXT = """codemirror.EditorView.findFromDOM(
+    document.querySelector(".editor").shadowRoot).state.doc.toString()"""
+
+
+def text_of(page: Any) -> str:
+    """Return the text in the editor."""
+    page.locator(".cm-content").wait_for()
+    page.evaluate(_LOADED)
+    text = page.evaluate(_TEXT)
+    assert isinstance(text, str)
+    return text
+
+
+def wait_for_text(page: Any, test: str, arg: str) -> None:
+    """Wait until a condition in JavaScript holds for ``text`` and ``arg``."""
+    page.locator(".cm-content").wait_for()
+    page.evaluate(_LOADED)
+    page.wait_for_function(f"arg => {{ const text = {_TEXT}; return {test}; }}", arg=arg)
+
+
+def write_text(page: Any, text: str) -> None:
+    """Replace the text in the editor, as a person pastes it."""
+    page.locator(".cm-content").focus()
+    page.keyboard.press("Control+a")
+    page.locator(".cm-content").evaluate(
+        """(content, text) => {
+          const data = new DataTransfer();
+          data.setData("text/plain", text);
+          content.dispatchEvent(new ClipboardEvent("paste", {
+            clipboardData: data, bubbles: true, cancelable: true }));
+        }""",
+        text,
+    )
+
+
 def accessible(page: Any, *schemes: str) -> None:
     """Demand WCAG 2.2, level AA, of all that is in sight, as far as a program can tell.
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-from studio.browser import accessible
+from studio.browser import accessible, text_of, wait_for_text, write_text
 from studio.server_rig import running
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -48,9 +49,7 @@ def _verdict(page: Any, text: str) -> None:
 
 def _holds(page: Any, text: str) -> None:
     """Wait until the text pane has a text in it."""
-    page.wait_for_function(
-        "text => document.querySelector('textarea').value.includes(text)", arg=text
-    )
+    wait_for_text(page, "text.includes(arg)", text)
 
 
 def _connection(page: Any, sub: str) -> Any:
@@ -79,12 +78,10 @@ def test_a_connection_is_removed_drawn_confirmed_and_saved(page: Any, cell: Path
     for line in ("address: 202", "connection_id: 4", "watchdog_ms: 100", "slot: 3"):
         assert line in saved
     for _ in range(6):
-        shown = page.locator("textarea").input_value()
+        shown = text_of(page)
         page.get_by_role("button", name="Undo").click()
-        page.wait_for_function(
-            "text => document.querySelector('textarea').value !== text", arg=shown
-        )
-    assert page.locator("textarea").input_value() == before
+        wait_for_text(page, "text !== arg", shown)
+    assert text_of(page) == before
 
 
 def test_the_facts_of_a_connection_are_on_its_line(page: Any) -> None:
@@ -138,22 +135,84 @@ def test_only_what_fits_lights_up_and_the_reason_is_shown(page: Any) -> None:
 
 
 def test_text_and_drawing_follow_each_other(page: Any) -> None:
-    area = page.locator("textarea")
-    text = area.input_value()
-    area.fill(text.replace("el2904, position: 3", "el2904, position: 33"))
+    text = text_of(page)
+    write_text(page, text.replace("el2904, position: 3", "el2904, position: 33"))
     page.wait_for_selector("text=position 33")
-    area.fill(text.replace("subdevices:", "subdevices"))
+    write_text(page, text.replace("subdevices:", "subdevices"))
     page.wait_for_selector("text=The text is not a valid network at present")
     assert page.locator(".card").count() == 5  # the last network stays in sight
-    area.fill(text.replace("size: 6", "size: 5", 1))
+    write_text(page, text.replace("size: 6", "size: 5", 1))
     finding = page.locator(".findings li.error").first
     finding.wait_for()
     finding.locator(".message").click()
-    selected = page.evaluate("[document.activeElement.tagName, getSelection().toString()]")
-    assert selected[0] == "TEXTAREA"
+    page.wait_for_function("document.activeElement.className === 'editor'")
+    page.locator(".cm-lint-marker").first.hover()
+    page.locator(".cm-diagnostic-error").first.wait_for()
     page.get_by_role("button", name="Apply the hint").first.click()
     _verdict(page, "no errors")
-    assert area.input_value() == text
+    assert text_of(page) == text
+
+
+def test_the_editor_folds_searches_and_marks_findings(page: Any) -> None:
+    text = text_of(page)
+    content = page.locator(".cm-content")
+    line = 1 + text.split("\n").index("subdevices:")
+    page.locator(".cm-gutterElement", has_text=re.compile(f"^{line}$")).wait_for()
+    assert page.get_by_text("position: 2, config: devices/el1904.yaml").count() == 1
+    page.get_by_title("Fold line", exact=True).first.click()
+    assert page.get_by_text("position: 2, config: devices/el1904.yaml").count() == 0
+    page.locator(".cm-foldPlaceholder").click()
+    content.focus()
+    page.keyboard.press("Control+f")
+    page.keyboard.type("el2904.yaml")
+    page.keyboard.press("Enter")
+    page.locator(".cm-searchMatch-selected").wait_for()
+    accessible(page)
+    page.keyboard.press("Escape")
+    write_text(page, text.replace("size: 6", "size: 5", 1))
+    marker = page.locator(".cm-lint-marker-error").first
+    marker.wait_for()
+    assert marker.evaluate("e => getComputedStyle(e, '::before').content") == '"✖"'
+
+
+def test_text_and_drawing_have_one_undo(page: Any) -> None:
+    before = text_of(page)
+    _connection(page, "drive_2").focus()
+    page.keyboard.press("Enter")
+    page.get_by_role("button", name="Remove this connection").click()
+    wait_for_text(page, "text !== arg", before)
+    drawn = text_of(page)
+    page.locator(".cm-content").focus()
+    page.keyboard.press("Control+End")
+    page.keyboard.type("# typed")
+    page.keyboard.press("Control+z")  # typed and not sent yet: this is undone first
+    wait_for_text(page, "text === arg", drawn)
+    page.keyboard.press("Control+z")
+    wait_for_text(page, "text === arg", before)
+    page.locator(".line").nth(3).wait_for()
+    page.keyboard.press("Control+Shift+Z")
+    wait_for_text(page, "text === arg", drawn)
+    page.get_by_role("button", name="Add SubDevices").focus()  # outside of the text
+    page.keyboard.press("Control+z")
+    wait_for_text(page, "text === arg", before)
+    page.keyboard.press("Control+Shift+Z")
+    wait_for_text(page, "text === arg", drawn)
+
+
+def test_the_editor_is_left_by_keyboard_and_saves_what_was_typed_last(
+    page: Any, cell: Path
+) -> None:
+    page.locator(".cm-content").focus()
+    page.keyboard.press("Control+End")
+    page.keyboard.type("# last")
+    with page.expect_response("**/api/save"):
+        page.keyboard.press("Control+s")
+    assert cell.read_text("utf-8").endswith("\n# last")
+    page.keyboard.press("Tab")
+    assert text_of(page).endswith("\n  # last")
+    page.keyboard.press("Escape")
+    page.keyboard.press("Tab")
+    assert not page.evaluate("document.activeElement.matches('.editor')")
 
 
 def test_two_tabs_and_a_file_that_changes(page: Any, cell: Path) -> None:
@@ -161,8 +220,7 @@ def test_two_tabs_and_a_file_that_changes(page: Any, cell: Path) -> None:
     second.goto(page.url)
     second.wait_for_selector(".card")
     page.bring_to_front()
-    area = page.locator("textarea")
-    area.fill(area.input_value() + "# one\n")
+    write_text(page, text_of(page) + "# one\n")
     _holds(second, "# one\n")
     cell.write_text(cell.read_text("utf-8") + "# theirs\n", "utf-8")
     page.wait_for_selector("text=The file on the disk was changed")
@@ -181,24 +239,23 @@ def test_it_is_tried_on_the_emulated_bus(page: Any) -> None:
     assert not page.evaluate(moved)  # the page begins at its top
     page.get_by_role("button", name="Try it").click()
     page.wait_for_selector("text=4 of 4 in Data")
-    area = page.locator("textarea")
-    text = area.input_value()
+    text = text_of(page)
     result = page.locator(".trial [role=status]")
     assert result.evaluate(
         "e => e.getBoundingClientRect().top >= 0 && e.getBoundingClientRect().bottom <= innerHeight"
     )
-    area.fill(text + "# more\n")
+    write_text(page, text + "# more\n")
     page.wait_for_selector("text=of an earlier text")
     page.get_by_role("button", name="Undo").click()
     page.wait_for_selector("text=of an earlier text", state="detached")
-    area.fill(text + "# saved\n")
+    write_text(page, text + "# saved\n")
     page.wait_for_selector("text=of an earlier text")
     page.get_by_role("button", name="Try it").click()
     page.wait_for_selector("text=of an earlier text", state="detached")
     page.get_by_role("button", name="Save").click()
     page.get_by_text("· saved").wait_for()
     assert result.inner_text() == "✔ 4 of 4 in Data"
-    area.fill(text.replace("size: 6", "size: 5", 1))
+    write_text(page, text.replace("size: 6", "size: 5", 1))
     _verdict(page, "has errors")
     assert page.get_by_role("button", name="Try it").is_disabled()
 
@@ -213,7 +270,7 @@ def test_letters_in_a_number_are_refused_in_words(page: Any, cell: Path) -> None
     alert = page.locator(".field [role=alert]")
     assert "“1OO” is not a whole number from 0 to 65534; not taken." in alert.inner_text()
     assert field.get_attribute("aria-invalid") == "true"
-    assert page.locator("textarea").input_value() == before
+    assert text_of(page) == before
     field.fill("101")
     page.keyboard.press("Enter")
     alert.wait_for(state="detached")
@@ -221,9 +278,10 @@ def test_letters_in_a_number_are_refused_in_words(page: Any, cell: Path) -> None
 
 
 def test_errors_are_before_warnings_and_notes(page: Any) -> None:
-    area = page.locator("textarea")
-    text = area.input_value()
-    area.fill(text.replace("cycle_us:", "foo: 1\ncycle_us:", 1).replace("size: 6", "size: 5", 1))
+    text = text_of(page)
+    write_text(
+        page, text.replace("cycle_us:", "foo: 1\ncycle_us:", 1).replace("size: 6", "size: 5", 1)
+    )
     page.locator(".findings li.error").first.wait_for()
     ranks = page.eval_on_selector_all(".findings li", "rows => rows.map((row) => row.className)")
     assert len(set(ranks)) > 1, ranks
@@ -231,9 +289,8 @@ def test_errors_are_before_warnings_and_notes(page: Any) -> None:
 
 
 def test_hostile_names_are_text(page: Any) -> None:
-    area = page.locator("textarea")
     evil = "<img src=x onerror=alert(1)>"
-    area.fill(area.input_value().replace("name: el6910-cell", f'name: "{evil}"'))
+    write_text(page, text_of(page).replace("name: el6910-cell", f'name: "{evil}"'))
     page.wait_for_function("text => document.body.innerText.includes(text)", arg=evil)
     assert page.locator("img").count() == 0
 
@@ -242,8 +299,7 @@ def test_hostile_names_are_text(page: Any) -> None:
 def test_it_follows_wcag(page: Any, scheme: str) -> None:
     """WCAG 2.2, level AA, as far as a program can tell; with everything in sight."""
     page.emulate_media(color_scheme=scheme)
-    area = page.locator("textarea")
-    area.fill(area.input_value().replace("size: 6", "size: 5", 1))
+    write_text(page, text_of(page).replace("size: 6", "size: 5", 1))
     page.locator(".findings li.error").first.wait_for()
     _connection(page, "drive_2").focus()
     page.keyboard.press("Enter")

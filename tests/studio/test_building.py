@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from studio.browser import accessible
+from studio.browser import accessible, text_of, wait_for_text, write_text
 from studio.server_rig import running
 
 ROOT = Path(__file__).parents[2]
@@ -104,11 +104,10 @@ def test_the_example_is_taken_and_its_things_can_be_tried(page: Any) -> None:
     field.press("Enter")
     page.wait_for_selector(".findings >> text=is below 24 ms")
     page.get_by_role("button", name="Undo").click()
-    area = page.locator("textarea")
-    page.wait_for_function("() => document.querySelector('textarea').value.includes('_ms: 100')")
-    area.fill(area.input_value().replace("size: 6", "size: 5", 1))
+    wait_for_text(page, "text.includes(arg)", "_ms: 100")
+    write_text(page, text_of(page).replace("size: 6", "size: 5", 1))
     page.get_by_role("button", name="Apply the hint").first.click()
-    page.wait_for_function("() => !document.querySelector('textarea').value.includes('size: 5')")
+    wait_for_text(page, "!text.includes(arg)", "size: 5")
     page.get_by_role("button", name="Export").click()
     page.get_by_role("combobox", name="Format").select_option("eni")
     page.wait_for_selector("text=What this format cannot hold")
@@ -206,9 +205,7 @@ def test_subdevices_change_places_and_go(page: Any) -> None:
     field = page.get_by_role("textbox", name="Bus cycle, µs")
     field.fill("2000")
     field.press("Enter")
-    page.wait_for_function(
-        "() => document.querySelector('textarea').value.includes('cycle_us: 2000')"
-    )
+    wait_for_text(page, "text.includes(arg)", "cycle_us: 2000")
 
 
 def test_it_follows_wcag(page: Any) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from master.rig import running as master_running
 from networks import example
-from studio.browser import accessible
+from studio.browser import accessible, text_of, write_text
 from studio.live_page import opened
 from studio.server_rig import running
 
@@ -104,8 +104,7 @@ def test_people_learn_what_an_e_stop_and_a_pulled_subdevice_do(
         running(tmp_path / "estop" / "network.yaml") as studio,
         opened(chromium, studio.url) as page,
     ):
-        area = page.locator("textarea")
-        area.fill(area.input_value() + "# more\n")
+        write_text(page, text_of(page) + "# more\n")
         page.wait_for_selector("text=not saved")
         page.get_by_role("link", name="Live").click()
         page.get_by_role("button", name="Start an emulated run").click()

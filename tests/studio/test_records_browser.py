@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 import yaml
 from patience import PATIENCE_S
-from studio.browser import accessible
+from studio.browser import accessible, text_of, write_text
 from studio.records_folder import made_folder
 from studio.server_rig import Studio, running
 
@@ -68,8 +68,7 @@ def test_documents_are_shown_and_run_nothing(tablet: Any, path: Path) -> None:
         page.get_by_text("acceptance sign acceptance-new.yaml --key KEY --as verifier").wait_for()
         accessible(page, "light", "dark")
         page.get_by_role("link", name="Network").click()
-        area = page.locator("textarea")
-        area.fill(area.input_value().replace("watchdog_ms: 100", "watchdog_ms: 90"))
+        write_text(page, text_of(page).replace("watchdog_ms: 100", "watchdog_ms: 90"))
         page.wait_for_selector("text=not saved")
         page.get_by_role("link", name="Records").click()
         page.get_by_role("button", name="Show the difference").click()

@@ -85,16 +85,17 @@ function Page() {
 
   useEffect(() => {
     const onKey = (/** @type {KeyboardEvent} */ event) => {
-      if (!(event.ctrlKey || event.metaKey)) return;
+      if (!(event.ctrlKey || event.metaKey) || event.defaultPrevented) return;
+      const key = event.key.toLowerCase(); // with Shift it is a capital
       // The browser would save the page instead of the network.
-      if (event.key === "s") {
+      if (key === "s") {
         event.preventDefault();
         act("save");
       } else if (event.target instanceof HTMLElement && event.target.matches("textarea, input")) {
         return; // a field takes its own letters back
-      } else if (event.key === "z" || event.key === "y") {
+      } else if (key === "z" || key === "y") {
         event.preventDefault();
-        act(event.key === "y" || event.shiftKey ? "redo" : "undo");
+        act(key === "y" || event.shiftKey ? "redo" : "undo");
       }
     };
     document.addEventListener("keydown", onKey);

@@ -232,6 +232,16 @@ export interface Port {
   pair: Pair;
 }
 
+/** The editor of the text, see editor.js. */
+export interface Editor {
+  /** Shows the text of the server. */
+  take: (text: string) => void;
+  mark: (findings: Finding[]) => void;
+  /** Selects a line from a column to its end. */
+  show: (line: number, column: number, focus: boolean) => void;
+  end: () => void;
+}
+
 /** A file that a person gives, with its name below the folder that was given. */
 export interface Given {
   name: string;
