@@ -90,6 +90,7 @@ def _connection(row: ConnectionResult, absent: dict[str, str]) -> Row:
         "in_data": row.state.in_data,
         "time_to_data_ms": row.time_to_data_ms,
         "resets": row.resets,
+        "last_reset": row.last_reset_text,
         "chosen": list(row.chosen),
     }
 

@@ -184,7 +184,7 @@ def test_text_and_drawing_have_one_undo(page: Any) -> None:
     drawn = text_of(page)
     page.locator(".cm-content").focus()
     page.keyboard.press("Control+End")
-    page.keyboard.type("# typed")
+    page.keyboard.insert_text("# typed")
     page.keyboard.press("Control+z")  # typed and not sent yet: this is undone first
     wait_for_text(page, "text === arg", drawn)
     page.keyboard.press("Control+z")
@@ -240,6 +240,9 @@ def test_it_is_tried_on_the_emulated_bus(page: Any) -> None:
     page.get_by_role("button", name="Try it").click()
     page.wait_for_selector("text=4 of 4 in Data")
     text = text_of(page)
+    came = page.locator(".line .came").all_text_contents()
+    assert len(came) == 4
+    assert all(re.fullmatch(r"✔ Data .* after [0-9.]+ ms", words) for words in came), came
     result = page.locator(".trial [role=status]")
     assert result.evaluate(
         "e => e.getBoundingClientRect().top >= 0 && e.getBoundingClientRect().bottom <= innerHeight"
@@ -258,6 +261,88 @@ def test_it_is_tried_on_the_emulated_bus(page: Any) -> None:
     write_text(page, text.replace("size: 6", "size: 5", 1))
     _verdict(page, "has errors")
     assert page.get_by_role("button", name="Try it").is_disabled()
+
+
+def test_a_connection_that_does_not_come_up_has_the_reason_on_its_line(page: Any) -> None:
+    # Without the safety functions, whose budget rejects a watchdog that is below the bus cycle.
+    text = text_of(page).partition("\n# Figures of an example")[0]
+    text = re.sub(r"^project:.*\n", "", text, flags=re.MULTILINE)
+    text = text.replace("cycle_us: 1000", "cycle_us: 20000")
+    write_text(page, text.replace("watchdog_ms: 100", "watchdog_ms: 5", 1))
+    page.get_by_text("address 101 · ConnID 1 · 5 ms").wait_for()
+    page.get_by_role("button", name="Try it").click()
+    page.wait_for_selector("text=3 of 4 in Data")
+    stopped = page.get_by_role("button", name="Connection el6910 to el1904")
+    assert "✖ stopped in Reset: watchdog expired" in stopped.get_attribute("aria-label")
+    assert page.locator(".line .came.error").count() == 1
+    page.get_by_role("button", name="Undo").click()  # the result is that of another text
+    page.locator(".line .came").first.wait_for(state="detached")
+
+
+def test_the_drawing_is_zoomed_and_moved(page: Any) -> None:
+    frame = page.get_by_role("group", name="Drawing of the network")
+    card = page.locator(".card").first
+    before = card.bounding_box()["width"]
+
+    def is_shown(percent: int) -> None:
+        page.get_by_role("button", name=f"Zoom {percent} %").wait_for()
+
+    frame.focus()
+    for key, percent in (("+", 120), ("+", 144), ("0", 100), ("-", 83)):
+        page.keyboard.press(key)
+        is_shown(percent)
+    assert card.bounding_box()["width"] == pytest.approx(before / 1.2, abs=1)
+    frame.hover()
+    page.keyboard.down("Control")
+    for _ in range(5):
+        page.mouse.wheel(0, -100)
+        page.wait_for_timeout(50)
+    page.keyboard.up("Control")
+    is_shown(200)  # the limit
+    ends = "e => [e.scrollLeft + e.clientWidth, e.scrollTop + e.clientHeight]"
+    at = frame.bounding_box()
+    frame.evaluate("e => e.scrollTo(0, 0)")
+    x, y = at["x"] + 4, at["y"] + at["height"] - 30  # the ground, left of all cards
+    seen = frame.evaluate(ends)
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x, y - 60)
+    page.mouse.up()
+    assert frame.evaluate(ends) == [seen[0], seen[1] + 60]
+    page.get_by_role("button", name="Fit").click()
+    page.wait_for_function(
+        "() => { const e = document.querySelector('.frame');"
+        " return e.scrollHeight <= e.clientHeight; }"
+    )
+    page.wait_for_function(
+        """() => {
+          const port = document.querySelector("[data-port='el1904/0']").getBoundingClientRect();
+          const line = document.querySelector(".line .thin").getBoundingClientRect();
+          return Math.abs(line.right - (port.left + port.right) / 2) < 1;
+        }"""
+    )  # the line ends at its slot
+
+
+def test_the_sizes_of_the_parts_are_kept(page: Any) -> None:
+    bar = page.get_by_role("separator", name="Height of the text")
+    text = page.get_by_role("region", name="File")
+    whole = page.locator("main").bounding_box()["height"]
+    bar.focus()
+    for _ in range(5):
+        page.keyboard.press("ArrowUp")
+    assert bar.get_attribute("aria-valuenow") == "44"
+    assert text.bounding_box()["height"] == pytest.approx(0.44 * whole, abs=2)
+    side = page.get_by_role("separator", name="Width of the right side")
+    at = side.bounding_box()
+    page.mouse.move(at["x"] + 3, at["y"] + 200)
+    page.mouse.down()
+    page.mouse.move(700, at["y"] + 200)
+    page.mouse.up()
+    assert side.get_attribute("aria-valuenow") == "50"
+    page.evaluate("localStorage.setItem('fsoe-net-pane-text', '<b>')")
+    page.reload()
+    assert side.get_attribute("aria-valuenow") == "50"
+    assert bar.get_attribute("aria-valuenow") == "34"  # what the browser kept is no number
 
 
 def test_letters_in_a_number_are_refused_in_words(page: Any, cell: Path) -> None:

@@ -58,13 +58,13 @@ function rowsOf(wiring) {
 const portName = (port) => `port ${port} (${"ABCD"[port]})`;
 
 /**
- * @param {{ state: State, selected: Selected, choose: (what: Selected) => void,
+ * @param {{ state: State, findings: Map<string, import("./types").Finding[]>, selected: Selected, choose: (what: Selected) => void,
  *   act: (name: string, body: object) => void }} props
  */
-export function Bus({ state, selected, choose, act }) {
+export function Bus({ state, findings, selected, choose, act }) {
   const [moving, setMoving] = useState(/** @type {SubDevice | null} */ (null));
   const box = (/** @type {SubDevice} */ sub, /** @type {any} */ other = null) =>
-    html`<li key=${sub.name}><${Box} sub=${sub} state=${state} selected=${selected} choose=${choose}
+    html`<li key=${sub.name}><${Box} sub=${sub} findings=${findings.get(sub.name) ?? []} selected=${selected} choose=${choose}
       act=${act} moving=${moving} setMoving=${setMoving} />${other}</li>`;
   const names = state.buses.length ? state.buses : [""];
   return html`${names.map((name, number) => {
@@ -121,9 +121,8 @@ function Wired({ wiring, subs, end, box }) {
 }
 
 /** @param {any} props */
-function Box({ sub, state, selected, choose, act, moving, setMoving }) {
+function Box({ sub, findings, selected, choose, act, moving, setMoving }) {
   const chosen = selected !== null && "subdevice" in selected && selected.subdevice === sub.name;
-  const findings = state.findings.filter((/** @type {any} */ f) => f.subdevices.includes(sub.name));
   const severity = worst(findings);
   const fits = moving !== null && sub.name !== moving.name && !sub.alias && sub.bus === moving.bus;
   return html`<button draggable=${!sub.alias} aria-pressed=${chosen}

@@ -1,19 +1,15 @@
 // The bus as a line, and its FSoE connections between slots: MainInstances left, SubInstances right.
 import { useEffect, useLayoutEffect, useRef, useState } from "./vendor/hooks.js";
+import { Board } from "./board.js";
 import { Bus } from "./bus.js";
-import { html, Mark, ROLES, SEVERITIES, worst } from "./html.js";
+import { html, Mark, ROLES, worst } from "./html.js";
+import { curves, Line } from "./lines.js";
+import { kindText, Symbol } from "./symbols.js";
 
 /** @typedef {import("./types").State} State */
 /** @typedef {import("./types").SubDevice} SubDevice */
 /** @typedef {import("./types").Port} Port */
 /** @typedef {import("./types").Selected} Selected */
-/**
- * `roomy`: the facts of the connection fit between its ends.
- * @typedef {{ path: string, x: number, y: number, anchor: "start" | "end",
- *   roomy: boolean }} Curve */
-
-const FACTS_PX = 230; // of an address, a ConnID and a watchdog
-
 /**
  * Why two ends cannot be connected; empty: they can.
  * @param {Port} from
@@ -40,11 +36,12 @@ const isLeft = (sub) =>
 
 /**
  * @param {{ state: State, stale: boolean, selected: Selected,
- *   choose: (what: Selected) => void, act: (name: string, body: object) => void }} props
+ *   tried: import("./types").TriedConnection[], choose: (what: Selected) => void,
+ *   act: (name: string, body: object) => void }} props
  */
-export function Drawing({ state, stale, selected, choose, act }) {
+export function Drawing({ state, stale, selected, tried, choose, act }) {
   const [from, setFrom] = useState(/** @type {Port | null} */ (null));
-  const [lines, setLines] = useState(/** @type {(Curve | null)[]} */ ([]));
+  const [lines, setLines] = useState(/** @type {ReturnType<typeof curves>} */ ([]));
   const board = useRef(/** @type {HTMLElement | null} */ (null));
 
   useEffect(() => {
@@ -76,19 +73,22 @@ export function Drawing({ state, stale, selected, choose, act }) {
       sub_slot: to.pair.slot,
     });
   };
+  const byName = grouped(state.findings, (finding) => finding.subdevices);
+  const byNumber = grouped(state.findings, (finding) => finding.connections);
+  const results = new Map(tried.map((row) => [row.name, row]));
+  const chosenName = selected && "subdevice" in selected ? selected.subdevice : null;
+  const chosenLine = selected && "connection" in selected ? selected.connection : null;
   const cards = (/** @type {SubDevice[]} */ subs) =>
     subs.map(
-      (sub) => html`<${Card} key=${sub.name} sub=${sub} state=${state} from=${from}
-        setFrom=${setFrom} connect=${connect} selected=${selected} choose=${choose} />`,
+      (sub) => html`<${Card} key=${sub.name} sub=${sub} findings=${byName.get(sub.name) ?? []} from=${from}
+        setFrom=${setFrom} connect=${connect} chosen=${sub.name === chosenName} choose=${choose} />`,
     );
   const withPairs = state.subdevices.filter((s) => s.pairs.length > 0);
-  return html`
-    <${Bus} state=${state} selected=${selected} choose=${choose} act=${act} />
-    <p class="help" role="status">
-      ${from
-        ? `Connect ${from.subdevice}, slot ${from.pair.slot}: choose a highlighted slot. Escape cancels.`
-        : "Drag from a free slot of safety logic to a SubInstance, or click one after the other."}
-    </p>
+  const help = from
+    ? `Connect ${from.subdevice}, slot ${from.pair.slot}: choose a highlighted slot. Escape cancels.`
+    : "Drag from a free slot of safety logic to a SubInstance, or click one after the other.";
+  return html`<${Board} label="Drawing of the network" help=${help}>
+    <${Bus} state=${state} findings=${byName} selected=${selected} choose=${choose} act=${act} />
     <div class="board ${stale ? "stale" : ""}" ref=${board}>
       <svg class="lines" role="group" aria-label="FSoE connections">
         ${state.connections.map(
@@ -96,8 +96,8 @@ export function Drawing({ state, stale, selected, choose, act }) {
             // A connection may name a slot that does not exist; then there is no line.
             lines[number] &&
             html`<${Line} key=${number} curve=${lines[number]} connection=${c} number=${number}
-              findings=${state.findings.filter((f) => f.connections.includes(number))}
-              selected=${selected} choose=${choose} />`,
+              findings=${byNumber.get(number) ?? []} tried=${results.get(c.name)}
+              chosen=${number === chosenLine} choose=${choose} />`,
         )}
       </svg>
       <div class="column">
@@ -109,90 +109,43 @@ export function Drawing({ state, stale, selected, choose, act }) {
         ${cards(withPairs.filter((s) => !isLeft(s)))}
       </div>
     </div>
-  `;
+  </${Board}>`;
 }
 
 /**
- * The path of each connection from port to port, and where its facts are written.
- * @param {HTMLElement} board
- * @param {import("./types").Connection[]} connections
+ * Findings by what they are about: a network of 300 SubDevices looks up each one.
+ * @template Key
+ * @param {import("./types").Finding[]} findings
+ * @param {(finding: import("./types").Finding) => Key[]} keys
  */
-function curves(board, connections) {
-  const origin = board.getBoundingClientRect();
-  const at = (/** @type {string} */ name, /** @type {number | null} */ slot) => {
-    const port = board.querySelector(`[data-port="${CSS.escape(`${name}/${slot}`)}"]`);
-    if (!port) return null;
-    const box = port.getBoundingClientRect();
-    return [box.left + box.width / 2 - origin.left, box.top + box.height / 2 - origin.top];
-  };
-  return connections.map((c) => {
-    const [begin, end] = [at(c.main, c.slot), at(c.sub, c.sub_slot)];
-    if (!begin || !end) return null;
-    const bend = Math.max(60, Math.abs(end[0] - begin[0]) / 2);
-    const back = end[0] - begin[0] < 40 ? 1 : -1; // both in one column: a loop next to it
-    const path =
-      `M${begin[0]} ${begin[1]} C${begin[0] + bend} ${begin[1]} ` +
-      `${end[0] + back * bend} ${end[1]} ${end[0]} ${end[1]}`;
-    // At the SubInstance, where no two lines end, and on the side that the line does not come from:
-    // in the middle lines cross.
-    const [x, y] = [end[0] + back * 24, end[1] + (end[1] > begin[1] + 4 ? 16 : -6)];
-    const anchor = /** @type {"start" | "end"} */ (back > 0 ? "start" : "end");
-    return { path, x, y, anchor, roomy: back > 0 || end[0] - begin[0] > FACTS_PX };
-  });
+function grouped(findings, keys) {
+  /** @type {Map<Key, import("./types").Finding[]>} */
+  const found = new Map();
+  for (const finding of findings)
+    for (const key of keys(finding)) found.set(key, [...(found.get(key) ?? []), finding]);
+  return found;
 }
 
-/**
- * The facts of a connection that its files state.
- * @param {import("./types").Connection} c
- */
-const facts = (c) =>
-  [
-    c.address !== null && `address ${c.address}`,
-    c.connection_id !== null && `ConnID ${c.connection_id}`,
-    c.watchdog_ms !== null && `${c.watchdog_ms} ms`,
+/** @param {any} props */
+function Card({ sub, findings, from, setFrom, connect, chosen, choose }) {
+  const severity = worst(findings);
+  const line = [
+    `${sub.alias ? `alias ${sub.alias} + ` : "position "}${sub.position}`,
+    sub.group && `may be absent: ${sub.group}`,
+    sub.type && `${sub.type}, ${sub.about}`,
   ].filter(Boolean);
-
-/** @param {any} props */
-function Line({ curve, connection, number, findings, selected, choose }) {
-  const severity = worst(findings);
-  const chosen = selected !== null && "connection" in selected && selected.connection === number;
-  const known = facts(connection);
-  const open = connection.unconfirmed === null ? "" : ", not confirmed";
-  const said = severity && severity !== "info" ? `, ${SEVERITIES[severity][1]}` : "";
-  const onKey = (/** @type {KeyboardEvent} */ event) => {
-    if (event.key === "Enter" || event.key === " ") {
-      event.preventDefault();
-      choose({ connection: number });
-    }
-  };
-  return html`<g class="line ${severity} ${chosen ? "chosen" : ""} ${open ? "open" : ""}"
-      role="button" tabindex="0" aria-pressed=${chosen}
-      aria-label=${`Connection ${[`${connection.main} to ${connection.sub}`, ...known].join(", ")}${open}${said}`}
-      onClick=${() => choose({ connection: number })} onKeyDown=${onKey}>
-    <path class="wide" d=${curve.path} /><path class="thin" d=${curve.path} />
-    ${
-      curve.roomy &&
-      html`<text x=${curve.x} y=${curve.y} text-anchor=${curve.anchor}>${known.join(" · ")}</text>`
-    }
-  </g>`;
-}
-
-/** @param {any} props */
-function Card({ sub, state, from, setFrom, connect, selected, choose }) {
-  const findings = state.findings.filter((/** @type {any} */ f) => f.subdevices.includes(sub.name));
-  const severity = worst(findings);
-  const chosen = selected !== null && "subdevice" in selected && selected.subdevice === sub.name;
   return html`<div class="card ${sub.role || "none"} ${severity} ${chosen ? "chosen" : ""}">
     <button class="name" aria-pressed=${chosen} onClick=${() => choose({ subdevice: sub.name })}>
-      <b>${sub.name}</b> <${Mark} severity=${severity} />
-      <small>
-        ${ROLES[sub.role]} · ${sub.alias ? `alias ${sub.alias} + ` : "position "}${sub.position}
-        ${sub.group && ` · may be absent: ${sub.group}`}
-      </small>
+      <${Symbol} kind=${sub.kind} /><span class="unseen">${kindText(sub.kind)}</span>
+      <span class="called"><b>${sub.name}</b> <${Mark} severity=${severity} />
+        <small title=${sub.about}>
+          <span class="unseen">${ROLES[sub.role]}, </span>${line.join(" · ")}
+        </small>
+      </span>
     </button>
     <ol class="ports">
       ${sub.pairs.map(
-        (/** @type {any} */ pair) => html`<${Slot} key=${pair.slot} port=${{ subdevice: sub.name, pair }}
+        (/** @type {any} */ pair) => html`<${Slot} key=${pair.slot} port=${{ subdevice: sub.name, pair }} isOnly=${sub.pairs.length === 1}
           from=${from} setFrom=${setFrom} connect=${connect} choose=${choose} />`,
       )}
     </ol>
@@ -200,10 +153,10 @@ function Card({ sub, state, from, setFrom, connect, selected, choose }) {
 }
 
 /**
- * @param {{ port: Port, from: Port | null, setFrom: (port: Port | null) => void,
+ * @param {{ port: Port, isOnly: boolean, from: Port | null, setFrom: (port: Port | null) => void,
  *   connect: (port: Port) => void, choose: (what: Selected) => void }} props
  */
-function Slot({ port, from, setFrom, connect, choose }) {
+function Slot({ port, isOnly, from, setFrom, connect, choose }) {
   const { pair } = port;
   const used = pair.connection !== null;
   const own = from !== null && from.subdevice === port.subdevice && from.pair.slot === pair.slot;
@@ -234,7 +187,7 @@ function Slot({ port, from, setFrom, connect, choose }) {
         event.preventDefault();
         connect(port);
       }}></button>
-    <span class="slot">${pair.slot}</span>
-    <small>${why && !own ? why : `${pair.sends_bytes} ⇄ ${pair.takes_bytes} bytes`}</small>
+    ${!isOnly && html`<span class="slot">${pair.slot}</span>`}
+    ${(why || !isOnly) && html`<small>${why || `${pair.sends_bytes} ⇄ ${pair.takes_bytes} bytes`}</small>`}
   </li>`;
 }

@@ -8,6 +8,7 @@ import { Findings } from "./findings.js";
 import { dropped } from "./given.js";
 import { html, worst } from "./html.js";
 import { Inspector } from "./inspector.js";
+import { Splitter } from "./pane.js";
 import { Text } from "./text.js";
 import { Trial } from "./trial.js";
 
@@ -23,6 +24,9 @@ export function Network({ state, act: request }) {
   const [tour, setTour] = useState(false);
   const [given, setGiven] = useState(/** @type {import("./types").Given[]} */ ([]));
   const [dropping, setDropping] = useState(false);
+  const [tried, setTried] = useState(/** @type {import("./types").Tried | { error: string } | null} */ (null));
+  // A result of an earlier text is not that of the lines that are drawn now.
+  const results = tried && "connections" in tried && tried.content === state.content ? tried.connections : [];
   /** Shown by the drawing while the text is not a valid network. */
   const drawn = useRef(state);
   if (state.is_network) drawn.current = state;
@@ -66,7 +70,7 @@ export function Network({ state, act: request }) {
   };
   const begins = state.is_new && state.is_network && state.subdevices.length === 0;
   return html`
-    <main class=${dropping ? "dropping" : ""} onDragOver=${over} onDrop=${drop}
+    <main class=${`panes ${dropping ? "dropping" : ""}`} onDragOver=${over} onDrop=${drop}
       onDragLeave=${(/** @type {DragEvent} */ event) => event.relatedTarget === null && setDropping(false)}>
       <section aria-label="Network" class="network">
         <div class="row">
@@ -83,19 +87,21 @@ export function Network({ state, act: request }) {
           The text is not a valid network at present; this is the last valid one. See the findings.
         </p>`}
         <${Drawing} state=${shown} stale=${!state.is_network} selected=${selected}
-          choose=${choose} act=${act} />
+          tried=${results} choose=${choose} act=${act} />
       </section>
+      <${Splitter} name="side" label="Width of the right side" usual=${34} isUpright=${true} />
       <aside>
         ${panel === "add" &&
         html`<${Adding} state=${state} act=${act} given=${given} choose=${choose}
           close=${() => setPanel("")} />`}
         ${panel === "export" &&
         html`<${Export} version=${state.version} saved=${state.saved} close=${() => setPanel("")} />`}
+        <${Trial} content=${state.content} tried=${tried} setTried=${setTried}
+          hasErrors=${!state.is_network || worst(state.findings) === "error"} />
         <${Inspector} state=${shown} selected=${selected} act=${act} choose=${choose} />
         <${Findings} findings=${state.findings} show=${show} act=${act} />
-        <${Trial} content=${state.content}
-          hasErrors=${!state.is_network || worst(state.findings) === "error"} />
       </aside>
+      <${Splitter} name="text" label="Height of the text" usual=${34} isUpright=${false} />
       <${Text} state=${state} line=${line} act=${act}
         onCursor=${(/** @type {number} */ at) => setSelected(partAt(shown, at) ?? selected)} />
     </main>

@@ -1,18 +1,16 @@
 // A try of the network on the emulated bus: does it come up?
-import { useEffect, useRef, useState } from "./vendor/hooks.js";
+import { useState } from "./vendor/hooks.js";
 import { html } from "./html.js";
 import { tryIt } from "./server.js";
 
 /** @typedef {import("./types").Tried} Tried */
 
-/** @param {{ content: string, hasErrors: boolean }} props */
-export function Trial({ content, hasErrors }) {
-  const [tried, setTried] = useState(/** @type {Tried | { error: string } | null} */ (null));
+/**
+ * @param {{ content: string, hasErrors: boolean, tried: Tried | { error: string } | null,
+ *   setTried: (tried: Tried | { error: string }) => void }} props
+ */
+export function Trial({ content, hasErrors, tried, setTried }) {
   const [runs, setRuns] = useState(false);
-  const end = useRef(/** @type {HTMLElement | null} */ (null));
-  useEffect(() => {
-    if (tried) end.current?.scrollIntoView({ block: "nearest" });
-  }, [tried]);
   const start = async () => {
     setRuns(true);
     setTried(await tryIt());
@@ -21,15 +19,14 @@ export function Trial({ content, hasErrors }) {
   return html`<section class="trial" aria-label="Emulated bus">
     <h2>Does it come up?</h2>
     <p class="help">
-      One second on the emulated bus, in simulated time. Nothing is sent to a real one. It shows nothing
-      about your devices, cables and safety project: those are tried at the machine.
+      One second on the emulated bus; nothing is sent to a real one. It shows nothing about your devices,
+      cables and safety project: those are tried at the machine.
     </p>
     <button disabled=${runs || hasErrors} onClick=${start}>
       ${runs ? "Runs …" : hasErrors ? "Try it: correct the errors first" : "Try it"}
     </button>
     ${tried?.error && html`<p class="error" role="alert">${tried.error}</p>`}
     ${tried && "events" in tried && html`<${Result} tried=${tried} isOld=${tried.content !== content} />`}
-    <span ref=${end} />
   </section>`;
 }
 
@@ -42,22 +39,25 @@ function Result({ tried, isOld }) {
       <b>${tried.passed ? "✔" : "✖"} ${up} of ${there.length} in Data</b>
       ${isOld && " – of an earlier text; try it again"}
     </p>
-    <table>
-      <thead>
-        <tr><th scope="col">connection</th><th scope="col">state</th><th scope="col">Data after</th>
-          <th scope="col">resets</th></tr>
-      </thead>
-      <tbody>
-        ${tried.connections.map(
-          (c) => html`<tr key=${c.name}>
-            <th scope="row">${c.name}</th>
-            <td>${c.absent ? "–" : c.in_data ? "✔" : "✖"} ${c.state}</td>
-            <td>${c.absent ? "–" : c.time_to_data_ms === null ? "never" : `${c.time_to_data_ms} ms`}</td>
-            <td>${c.absent ? "–" : c.resets}</td>
-          </tr>`,
-        )}
-      </tbody>
-    </table>
+    <details>
+      <summary>Each connection; the drawing shows them also</summary>
+      <table>
+        <thead>
+          <tr><th scope="col">connection</th><th scope="col">state</th><th scope="col">Data after</th>
+            <th scope="col">resets</th></tr>
+        </thead>
+        <tbody>
+          ${tried.connections.map(
+            (c) => html`<tr key=${c.name}>
+              <th scope="row">${c.name}</th>
+              <td>${c.absent ? "–" : c.in_data ? "✔" : "✖"} ${c.state}</td>
+              <td>${c.absent ? "–" : c.time_to_data_ms === null ? "never" : `${c.time_to_data_ms} ms`}</td>
+              <td>${c.absent ? "–" : c.resets}</td>
+            </tr>`,
+          )}
+        </tbody>
+      </table>
+    </details>
     ${tried.connections.some((c) => c.chosen.length) &&
     html`<p class="help">
       Chosen for this try, since the file does not state it: ${" "}

@@ -143,18 +143,22 @@ export interface Tried {
   content: string;
   passed: boolean;
   duration_ms: number;
-  connections: {
-    name: string;
-    state: string;
-    /** Its group is left out: a place has one tool, the first. */
-    absent: boolean;
-    in_data: boolean;
-    time_to_data_ms: number | null;
-    resets: number;
-    chosen: string[];
-  }[];
+  connections: TriedConnection[];
   events: { time_ms: number; source: string; text: string }[];
   events_left_out: number;
+}
+
+export interface TriedConnection {
+  name: string;
+  state: string;
+  /** Its group is left out: a place has one tool, the first. */
+  absent: boolean;
+  in_data: boolean;
+  time_to_data_ms: number | null;
+  resets: number;
+  /** Reason of the last Reset; empty: none. */
+  last_reset: string;
+  chosen: string[];
 }
 
 /** A file beside the network, see fsoe_net/project/companion_files.py. */
@@ -266,6 +270,9 @@ export interface Uploads {
   } | null;
 }
 
+/** See fsoe_net/model/library.py. */
+export type DeviceFunction = "safe input" | "safe output" | "drive" | "safety logic";
+
 export interface Offer {
   number: number;
   order: string;
@@ -276,6 +283,10 @@ export interface Offer {
   process_data: string;
   /** Of each pair: bytes to the device, from it. */
   frames: [number, number][];
+  role: "main" | "sub" | "";
+  functions: DeviceFunction[];
+  /** Connections that a person chooses, at most; 0: they are fixed. */
+  most_connections: number;
   /** Why it cannot be added; empty: it can. */
   obstacle: string;
 }
