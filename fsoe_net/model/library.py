@@ -5,10 +5,12 @@ The library is used for proposals and explanations. The device and its files tak
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import Enum
 
 from fsoe_net.fsoe.pdu import safe_data_length
-from fsoe_net.model.bus import Device, Direction, Located, SyncManager
+from fsoe_net.model.bus import Device, Direction, Entry, Located, Pdo, SyncManager
 from fsoe_net.model.layout import DeviceLayout
 
 
@@ -87,6 +89,96 @@ class LibraryMapping(Located):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class LibrarySide(Located):
+    """Where the frames of connection 0 are in one direction."""
+
+    sm_index: int
+    pdo: int
+    object: int
+    data: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LibraryPattern(Located):
+    """Process data of safety logic, with as many connections as its safety project has.
+
+    Attributes:
+        source: Key of `LibraryDevice.sources`.
+        most: Maximum number of connections.
+        step: Distance of the objects of two connections; PDOs are consecutive.
+        outputs: Frames of SubInstances, to the device.
+        inputs: Frames of its MainInstances.
+    """
+
+    source: str
+    most: int
+    step: int
+    outputs: LibrarySide
+    inputs: LibrarySide
+
+    def mapping(self, lengths: Sequence[tuple[int, int]]) -> LibraryMapping:
+        """Return the process data for connections with these bytes to the device and from it.
+
+        Raises:
+            ValueError: No connection, more than ``most``, or a length that FSoE does not have.
+        """
+        if not 0 < len(lengths) <= self.most:
+            raise ValueError(f"the device has 1 to {self.most} connections, not {len(lengths)}")
+        sides = (
+            (self.outputs, Direction.OUTPUT, [to for to, _ in lengths]),
+            (self.inputs, Direction.INPUT, [back for _, back in lengths]),
+        )
+        return LibraryMapping(
+            span=self.span,
+            name=f"{len(lengths)} connections by its pattern",
+            role="main",
+            source=self.source,
+            sync_managers=tuple(
+                SyncManager(
+                    span=self.span,
+                    index=side.sm_index,
+                    direction=direction,
+                    pdos=tuple(self._pdo(side, n, size) for n, size in enumerate(sizes)),
+                )
+                for side, direction, sizes in sides
+            ),
+            frames=tuple(
+                LibraryFrame(
+                    span=self.span,
+                    sm_index=side.sm_index,
+                    byte_offset=sum(sizes[:n]),
+                    frame_bytes=size,
+                    safe_bytes=safe_data_length(size),
+                )
+                for side, _, sizes in sides
+                for n, size in enumerate(sizes)
+            ),
+        )
+
+    def _pdo(self, side: LibrarySide, number: int, frame_bytes: int) -> Pdo:
+        shift, safe = self.step * number, safe_data_length(frame_bytes)
+        rows = [(side.object, 1, 8)]
+        # A block of safe data, one byte or two, and its CRC; the connection ID is last.
+        for block in range((safe + 1) // 2):
+            rows += [(side.data, block + 1, min(safe, 2) * 8), (side.object, block + 3, 16)]
+        rows.append((side.object, 2, 16))
+        entries = (
+            Entry(span=self.span, index=index + shift, subindex=sub, bits=bits)
+            for index, sub, bits in rows
+        )
+        return Pdo(span=self.span, index=side.pdo + number, entries=tuple(entries))
+
+
+class DeviceFunction(Enum):
+    """What a person looks for in the list of devices."""
+
+    SAFE_INPUT = "safe input"
+    SAFE_OUTPUT = "safe output"
+    DRIVE = "drive"
+    SAFETY_LOGIC = "safety logic"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LibraryFigure(Located):
     """A device time (``…_ms``) or ``pfh_per_hour`` of a public source; never verified here."""
 
@@ -104,6 +196,8 @@ class LibraryDevice(Located):
         mappings: Observed process data; none if they are defined by a project of the user.
         role: ``sub`` or ``main`` for a device without mappings; otherwise empty, as the mappings
             state it.
+        functions: Its functions, for the search in a list of devices.
+        connections: Pattern of its process data, for safety logic.
     """
 
     name: str
@@ -112,6 +206,8 @@ class LibraryDevice(Located):
     sources: dict[str, str]
     mappings: tuple[LibraryMapping, ...]
     role: str = ""
+    functions: tuple[DeviceFunction, ...] = ()
+    connections: LibraryPattern | None = None
     figures: tuple[LibraryFigure, ...] = ()
     notes: tuple[str, ...] = ()
 

@@ -6,6 +6,7 @@ file is the same as that of ``init``.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from fsoe_net.diag.diagnostic import FindingList, Severity, sort_diagnostics
@@ -16,13 +17,14 @@ from fsoe_net.model.answers import AnsweredDevice, AnsweredWord, Answers
 from fsoe_net.model.bus import Device
 from fsoe_net.model.description import DescribedSubDevice, Description
 from fsoe_net.model.joined_descriptions import has_layout
-from fsoe_net.model.library import Library
-from fsoe_net.model.library_fill import fill_from_library, library_device
+from fsoe_net.model.library import DeviceFunction, Library, LibraryDevice
+from fsoe_net.model.library_fill import fill_from_library, library_device, library_role
 from fsoe_net.proposal.draft import Draft, Inputs, make_draft
 from fsoe_net.proposal.gather import Gathered
 from fsoe_net.proposal.ring import DeviceType, list_types
 
 _LIBRARY = "device library"
+_NO_DATA = "no file here has its process data; add its ESI or a scan"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,6 +40,9 @@ class Offer:
         process_data: Process data of the device library to use; empty for those of its file.
         frames: Bytes of each pair of FSoE frames, to the device and from it; empty if not yet
             known.
+        role: ``main`` or ``sub``; empty if it can be both, or is not known.
+        functions: Functions of the device, from the device library.
+        most_connections: Maximum number of connections that a person chooses; 0 if they are fixed.
         obstacle: Why it cannot be added, and the next step; empty if it can.
         source: Its description.
     """
@@ -49,6 +54,9 @@ class Offer:
     revision: int | None = None
     process_data: str = ""
     frames: tuple[tuple[int, int], ...] = ()
+    role: str = ""
+    functions: tuple[DeviceFunction, ...] = ()
+    most_connections: int = 0
     obstacle: str = ""
     source: DeviceType | DescribedSubDevice = field(repr=False)
 
@@ -112,13 +120,20 @@ def list_offers(found: Gathered, out: FindingList) -> tuple[Offer, ...]:
     return tuple(offers)
 
 
-def addition_of(offer: Offer) -> Addition:
+def addition_of(offer: Offer, lengths: Sequence[tuple[int, int]] = ()) -> Addition:
     """Return the additions of an offer.
 
+    Args:
+        offer: The offer.
+        lengths: Bytes to the device and from it, of each connection, if a person chooses them.
+
     Raises:
-        InputError: Its file cannot be read, or a device file cannot represent it.
+        InputError: Its file cannot be read, a device file cannot represent it, or it has no such
+            connections.
     """
     library, _ = load_library()
+    if offer.most_connections:
+        library = _with_connections(library, offer, lengths)
     if isinstance(offer.source, DeviceType):
         inputs = Inputs(Gathered(used=[offer.path]), library, [offer.source])
         row = AnsweredDevice(type=offer.source.order, revision=offer.source.revision)
@@ -133,6 +148,27 @@ def addition_of(offer: Offer) -> Addition:
         word = AnsweredWord(text=offer.process_data)
         made = make_draft(inputs, replace(answers, process_data={name: word}))
     return _made(made, offer)
+
+
+def _with_connections(
+    library: Library, offer: Offer, lengths: Sequence[tuple[int, int]]
+) -> Library:
+    """Return the library in which the device of an offer has these connections."""
+    known = _library_device(offer, library)
+    if known is None or known.connections is None:
+        raise InputError(f"{offer.order} is not in the device library any more")
+    try:
+        made = replace(known, mappings=(known.connections.mapping(lengths),))
+    except ValueError as exc:
+        raise InputError(f"{offer.order}: {exc}") from exc
+    return Library(devices=tuple(made if row is known else row for row in library.devices))
+
+
+def _library_device(offer: Offer, library: Library) -> LibraryDevice | None:
+    kind = offer.source
+    if isinstance(kind, DeviceType):
+        return library.find(kind.vendor, kind.product)
+    return library_device(kind, library)
 
 
 def _made(made: Draft, offer: Offer) -> Addition:
@@ -163,25 +199,32 @@ def _made(made: Draft, offer: Offer) -> Addition:
 
 def _ways(row: Offer, sub: DescribedSubDevice, library: Library) -> list[Offer]:
     """Return an offer for each set of process data that the SubDevice may have."""
-    row = replace(row, revision=sub.revision)
-    if has_layout(sub.device):
-        return [replace(row, frames=_frames(sub.device))]
     known = library_device(sub, library)
+    row = replace(row, revision=sub.revision, functions=known.functions if known else ())
+    if has_layout(sub.device):
+        frames = _frames(sub.device)
+        return [replace(row, frames=frames, role=library_role(sub, frames, library))]
+    if known is None:
+        return [replace(row, obstacle=_NO_DATA)]
     fill = fill_from_library(sub, "it", library, Answers())
-    # Without process data there is nothing that a network could copy.
-    if known is None or (fill.question is None and not has_layout(fill.sub.device)):
-        return [replace(row, obstacle="no file here has its process data; add its ESI or a scan")]
     names = {m.name: m for m in known.mappings}
-    if fill.question is None:
-        return [replace(row, frames=_frames(fill.sub.device))]
-    return [
+    choices = [name for name, _ in fill.question.choices] if fill.question else []
+    offers = [
         replace(
             row,
             process_data=name,
             frames=_frames(names[name].device(known.identities[0], "")),
+            role=names[name].role,
         )
-        for name, _ in fill.question.choices
+        for name in choices
     ]
+    if has_layout(fill.sub.device):
+        frames = _frames(fill.sub.device)
+        offers = [replace(row, frames=frames, role=library_role(sub, frames, library))]
+    if known.connections is not None:
+        offers.append(replace(row, role="main", most_connections=known.connections.most))
+    # Without process data there is nothing that a network could copy.
+    return offers or [replace(row, obstacle=_NO_DATA)]
 
 
 def _frames(device: Device) -> tuple[tuple[int, int], ...]:

@@ -168,6 +168,8 @@ class Uploads:
     ) -> tuple[str, ...]:
         """Add SubDevices of ``offers``, numbers of `shown`, to ``bus`` of the network.
 
+        ``connections`` has the bytes to and from safety logic with connections to choose.
+
         Returns:
             Notes and tasks for the user.
 
@@ -186,7 +188,8 @@ class Uploads:
         # Another page may have removed the files after this page listed them.
         if not chosen or len(chosen) < len(numbers):
             raise InputError("what was to be added is not here any more; look at the list again")
-        rows = [_possible(row) for row in chosen]
+        lengths = _lengths(body.get("connections", []))
+        rows = [_possible(row, lengths) for row in chosen]
         resolution = workspace.checked.resolution
         if resolution is None:
             raise InputError("the text is not a valid network at present: correct it first")
@@ -267,6 +270,9 @@ class Uploads:
             "revision": row.revision,
             "process_data": printable(row.process_data),
             "frames": [list(pair) for pair in row.frames],
+            "role": row.role,
+            "functions": [function.value for function in row.functions],
+            "most_connections": row.most_connections,
             "obstacle": printable(row.obstacle),
         }
 
@@ -297,10 +303,19 @@ class Uploads:
         return "" if self._folder is None else self._folder.name
 
 
-def _possible(offer: Offer) -> Addition:
+def _possible(offer: Offer, lengths: Sequence[tuple[int, int]]) -> Addition:
     if offer.obstacle:
         raise InputError(f"{offer.order}: {offer.obstacle}")
-    return addition_of(offer)
+    return addition_of(offer, lengths)
+
+
+def _lengths(rows: object) -> list[tuple[int, int]]:
+    """Return the frame lengths of each connection that a person has chosen."""
+    if not isinstance(rows, list) or not all(
+        isinstance(row, list) and [type(size) for size in row] == [int, int] for row in rows
+    ):
+        raise InputError("connections is a list of two lengths for each connection")
+    return [(to, back) for to, back in rows]
 
 
 def _take(workspace: Workspace, version: int, text: str, files: Mapping[str, str]) -> None:

@@ -245,9 +245,48 @@ def test_a_bus_without_process_data_gets_those_of_the_library(
     assert sub.layout.frame_pairs[0].sent_bytes == 6
 
 
+def test_safety_logic_has_the_connections_that_a_person_chose(
+    new: Workspace, uploads: Uploads
+) -> None:
+    (offer,) = [row for row in uploads.shown()["offers"] if row["order"] == "EL6910"]
+    assert (offer["role"], offer["functions"]) == ("main", ["safety logic"])
+    assert offer["most_connections"] == 16
+
+    def add(connections: object) -> tuple[str, ...]:
+        body = {"offers": [offer["number"]], "connections": connections}
+        return uploads.add(new, new.version, body)
+
+    for wrong in ([], [[6, 6]] * 17):
+        with pytest.raises(InputError, match="the device has 1 to 16 connections"):
+            add(wrong)
+    for wrong in ("6", [[6]], [[6, True]], [6]):
+        with pytest.raises(InputError, match="connections is a list of two lengths"):
+            add(wrong)
+    for wrong in (0, -7, 8, 10**9):
+        with pytest.raises(InputError, match="EL6910"):
+            add([[6, wrong]])
+    said = add([[6, 6], [31, 11]])
+    assert any("unverified: compare them with the device" in text for text in said)
+    assert state_of(new)["subdevices"][0]["pairs"] == [
+        {"slot": 0, "sends_bytes": 6, "takes_bytes": 6, "matched": True, "connection": None},
+        {"slot": 1, "sends_bytes": 11, "takes_bytes": 31, "matched": True, "connection": None},
+    ]
+    assert new.unwritten == ("devices/el6910.yaml",)
+
+
+def test_the_variants_of_a_type_have_their_roles(uploads: Uploads) -> None:
+    rows = [row for row in uploads.shown()["offers"] if row["order"] == "EL1918"]
+    assert [row["role"] for row in rows] == ["sub", "sub", "main"]
+    assert all(row["functions"] == ["safe input", "safety logic"] for row in rows)
+
+
 def test_a_rejected_addition_has_a_reason(new: Workspace, uploads: Uploads) -> None:
+    sii = {"position": 0, "vendor_id": 2, "product_code": 1, "name": "EL9999", "revision": 1}
+    scan = {"scan": 1, "interface": "eth1", "subdevices": [sii]}
+    _give(uploads, "scan.json", json.dumps(scan).encode())
     with pytest.raises(InputError, match="no file here has its process data; add its ESI"):
-        _add(new, uploads, _number(uploads, "EL6910"))
+        _add(new, uploads, 0)
+    uploads.clear()
     with pytest.raises(InputError, match="not here any more; look at the list again"):
         _add(new, uploads, 99_999)
     with pytest.raises(InputError, match="unknown bus"):

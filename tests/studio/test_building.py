@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -53,7 +54,7 @@ def page(chromium: Any, tmp_path: Path) -> Iterator[Any]:
 
 
 def _offer(page: Any, order: str, process_data: str) -> Any:
-    return page.get_by_role("button", name=f"Add {order}, {process_data}")
+    return page.get_by_role("button", name=re.compile(f"^Add {order}, .*{process_data}"))
 
 
 def _saved(page: Any) -> None:
@@ -68,7 +69,8 @@ def test_from_nothing_to_data_by_mouse_alone(page: Any, tmp_path: Path) -> None:
     mouse.click(begin.get_by_role("button", name="Add SubDevices"))
     mouse.click(_offer(page, "EK1914", "as devices report it"))
     page.locator('[data-port="ek1914/0"]').wait_for()
-    mouse.click(_offer(page, "EL1918", "own safety program"))
+    mouse.click(page.get_by_text("2 more variants of EL1918"))
+    mouse.click(_offer(page, "EL1918", "MainInstance · own safety program"))
     page.locator('[data-port="el1918/0"]').wait_for()
     mouse.click(page.get_by_role("button", name="Close"))
     mouse.drag(page.locator('[data-port="el1918/0"]'), page.locator('[data-port="ek1914/0"]'))
@@ -82,11 +84,45 @@ def test_from_nothing_to_data_by_mouse_alone(page: Any, tmp_path: Path) -> None:
     mouse.click(page.get_by_role("button", name="Save"))
     _saved(page)
     assert mouse.clicks * CLICK_S < LONGEST_S
-    assert mouse.clicks == 11
+    assert mouse.clicks == 12
     assert sorted(p.name for p in (tmp_path / "cell").rglob("*.yaml")) == [
         "ek1914.yaml",
         "el1918.yaml",
         "network.yaml",
+    ]
+
+
+def test_safety_logic_is_added_with_the_connections_of_its_subinstances(page: Any) -> None:
+    page.get_by_role("region", name="Begin").get_by_role("button", name="Add").click()
+    offers = page.get_by_role("list", name="What can be added")
+    page.get_by_role("button", name="safe output").click()
+    orders = offers.locator("li > .offer b").all_inner_texts()
+    assert "EL2904" in orders
+    assert not {"EL1904", "EL6910"} & {*orders}
+    assert len(orders) == len({*orders})  # one row for each type
+    search = page.get_by_role("searchbox", name="Search")
+    search.fill("safe input el1904")
+    _offer(page, "EL1904", "SubInstance").first.click()
+    page.locator('[data-port="el1904/0"]').wait_for()
+    search.fill("drive")
+    _offer(page, "0x302", "11 bytes").click()
+    page.locator(".bus .box").nth(1).wait_for()
+    page.get_by_role("button", name="safety logic", exact=True).click()
+    page.get_by_role("button", name="Add EL6910 with 2 connections").wait_for()
+    row = offers.locator("li", has_text="EL6910")
+    row.locator("summary").click()
+    row.get_by_role("combobox", name="Connections").select_option("16")
+    row.get_by_role("group", name="Slot 15").get_by_label("to it").select_option("7")
+    accessible(page, "light", "dark")
+    page.get_by_role("button", name="Add EL6910 with 16 connections").click()
+    page.locator('[data-port="el6910/15"]').wait_for()
+    lengths = [
+        page.locator(f'[data-port="el6910/{slot}"]').get_attribute("title") for slot in (0, 1, 15)
+    ]
+    assert [text.split(": ")[1].split(";")[0] for text in lengths if text] == [
+        "6 bytes out, 6 in",
+        "11 bytes out, 31 in",
+        "7 bytes out, 6 in",
     ]
 
 
@@ -218,7 +254,8 @@ def test_it_follows_wcag(page: Any) -> None:
     page.get_by_text("A ring with branches").wait_for()
     page.get_by_text("3 have several possible process data").wait_for()
     page.locator(".given summary").click()
-    _offer(page, "EK1914", "device PDO").click()
+    page.get_by_text("more variants of EK1914").first.click()
+    _offer(page, "EK1914", "device PDO").first.click()
     page.get_by_text("Added: ek1914").wait_for()
     accessible(page)
     accessible(page, "dark")

@@ -7,6 +7,7 @@ import os
 import re
 from collections.abc import Sequence
 from importlib import resources
+from typing import cast
 
 from fsoe_net.diag.diagnostic import Diagnostic, Severity, sort_diagnostics
 from fsoe_net.diag.guesses import guesses, one_of
@@ -18,12 +19,15 @@ from fsoe_net.formats.shared.numbers import own_int, read_float, record_of
 from fsoe_net.formats.shared.yaml_tree import MapNode, ScalarNode, SeqNode, parse_yaml
 from fsoe_net.model.bus import Direction, Entry, Pdo, SyncManager
 from fsoe_net.model.library import (
+    DeviceFunction,
     Library,
     LibraryDevice,
     LibraryFigure,
     LibraryFrame,
     LibraryIdentity,
     LibraryMapping,
+    LibraryPattern,
+    LibrarySide,
     contradictions,
 )
 
@@ -112,7 +116,9 @@ def parse_library_device(data: bytes, file: str, out: Collector) -> LibraryDevic
         if not _damaged(mine):
             device = _device(root, mine)
     if device is not None and not _damaged(mine):
-        rows: list[LibraryMapping | LibraryFigure] = [*device.mappings, *device.figures]
+        pattern = () if device.connections is None else (device.connections,)
+        rows: list[LibraryMapping | LibraryFigure | LibraryPattern]
+        rows = [*device.mappings, *pattern, *device.figures]
         for row in rows:
             if row.source not in device.sources:
                 near = guesses(row.source, [*device.sources])
@@ -151,6 +157,7 @@ def _device(root: MapNode, out: Collector) -> LibraryDevice | None:
         return None
     sources = root.get("sources")
     pairs = sources.pairs if isinstance(sources, MapNode) else {}
+    pattern = root.get("connections")
     return record_of(
         LibraryDevice,
         root,
@@ -158,6 +165,8 @@ def _device(root: MapNode, out: Collector) -> LibraryDevice | None:
         identities=identities,
         sources={k: n.text.strip() for k, n in pairs.items() if isinstance(n, ScalarNode)},
         mappings=tuple(_mapping(row, out) for row in root.maps("mappings")),
+        functions=tuple(DeviceFunction(word) for word in root.texts("functions") or ()),
+        connections=_connections(pattern, out) if isinstance(pattern, MapNode) else None,
         figures=tuple(_figure(row, out) for row in root.maps("figures")),
         notes=_notes(root),
     )
@@ -183,6 +192,28 @@ def _mapping(node: MapNode, out: Collector) -> LibraryMapping:
         ),
         restart_relevant=_addresses(node, out),
         notes=_notes(node),
+    )
+
+
+def _connections(node: MapNode, out: Collector) -> LibraryPattern:
+    # The schema has checked that both sides are maps.
+    return record_of(
+        LibraryPattern,
+        node,
+        out,
+        {"most": _U8, "step": _U8},
+        outputs=_side(cast(MapNode, node.get("outputs")), out),
+        inputs=_side(cast(MapNode, node.get("inputs")), out),
+    )
+
+
+def _side(node: MapNode, out: Collector) -> LibrarySide:
+    return record_of(
+        LibrarySide,
+        node,
+        out,
+        {"pdo": _U16, "object": _U16, "data": _U16},
+        sm_index=own_int(node, "sm", 15, out) or 0,
     )
 
 

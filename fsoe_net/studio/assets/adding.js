@@ -3,28 +3,12 @@ import { useEffect, useRef, useState } from "./vendor/hooks.js";
 import { onBus } from "./bus.js";
 import { chosen } from "./given.js";
 import { html } from "./html.js";
+import { Offers } from "./offers.js";
 import { offers as fetchOffers, putAway, upload } from "./server.js";
 
 /** @typedef {import("./types").State} State */
 /** @typedef {import("./types").Offer} Offer */
 /** @typedef {import("./types").Uploads} Uploads */
-
-const MOST_SHOWN = 60;
-
-/** @param {number} value */
-const hex = (value) => `0x${value.toString(16).padStart(8, "0")}`;
-
-/** @param {Offer} offer */
-const words = (offer) =>
-  [
-    offer.position === null ? "" : `position ${offer.position}`,
-    offer.process_data,
-    offer.frames.map(([to, from]) => `${from} ⇄ ${to} bytes`).join(", "),
-    offer.revision === null ? "" : `revision ${hex(offer.revision)}`,
-    offer.file,
-  ]
-    .filter(Boolean)
-    .join(" · ");
 
 /**
  * @param {{ state: State, act: import("./types").Act, given: import("./types").Given[], close: () => void,
@@ -35,7 +19,6 @@ export function Adding({ state, act, given, close, choose }) {
   const [error, setError] = useState("");
   const [busy, setBusy] = useState(false);
   const [said, setSaid] = useState(/** @type {string[]} */ ([]));
-  const [wanted, setWanted] = useState("");
   const [bus, setBus] = useState(0);
   const top = useRef(/** @type {HTMLElement | null} */ (null));
 
@@ -64,9 +47,9 @@ export function Adding({ state, act, given, close, choose }) {
     if (given.length) give(given);
   }, [given]);
 
-  const add = async (/** @type {number[]} */ numbers) => {
+  const add = async (/** @type {number[]} */ numbers, /** @type {[number, number][]} */ connections = []) => {
     // The server takes the offers by number; it refuses numbers of an earlier list.
-    const answer = await act("add", { offers: numbers, bus });
+    const answer = await act("add", { offers: numbers, connections, bus });
     setError(answer.error);
     if (answer.error || !("version" in answer)) return;
     // The server may change names that are taken, so that the new ones are found by comparison.
@@ -81,11 +64,6 @@ export function Adding({ state, act, given, close, choose }) {
     if (!answer.error) close();
   };
   const taken = new Set(onBus(state, bus).filter((s) => !s.alias).map((s) => s.position));
-  const parts = wanted.toLowerCase().split(/\s+/);
-  const found = (uploads?.offers ?? []).filter((offer) => {
-    const text = `${offer.order} ${offer.about} ${words(offer)}`.toLowerCase();
-    return parts.every((part) => text.includes(part));
-  });
   return html`<section class="adding" aria-label="Add SubDevices" aria-busy=${busy}>
     <h2 tabindex="-1" ref=${top}>Add SubDevices</h2>
     <button class="close" onClick=${close}>Close</button>
@@ -120,23 +98,7 @@ export function Adding({ state, act, given, close, choose }) {
         ${state.buses.map((name, n) => html`<option key=${n} value=${n}>${name}</option>`)}
       </select>
     </label>`}
-    <label>
-      Search <input type="search" value=${wanted} placeholder="EL1904, drive, file …"
-        onInput=${(/** @type {any} */ event) => setWanted(event.target.value)} />
-    </label>
-    <ol class="offers" aria-label="What can be added">
-      ${found.slice(0, MOST_SHOWN).map(
-        (offer) => html`<li key=${offer.number}>
-          <button disabled=${!!offer.obstacle} onClick=${() => add([offer.number])}
-            aria-label=${`Add ${offer.order}, ${words(offer)}`}>Add</button>
-          <span><b>${offer.order}</b> ${offer.about !== offer.order && offer.about}
-            <small>${words(offer)}</small>
-            ${offer.obstacle && html`<small>✖ ${offer.obstacle}</small>`}</span>
-        </li>`,
-      )}
-    </ol>
-    ${found.length > MOST_SHOWN && html`<p class="help">${found.length - MOST_SHOWN} more: search for a part of the name.</p>`}
-    ${uploads !== null && found.length === 0 && html`<p role="status">No name contains that text.</p>`}
+    <${Offers} state=${state} offers=${uploads?.offers ?? []} add=${add} />
     <p class="help">
       Process data of the device library are unverified: compare them with your device, or take its
       ESI or a scan.
@@ -151,7 +113,7 @@ function Given({ uploads, taken, add, propose, forget }) {
   const ways = (/** @type {Offer} */ offer) =>
     placed.filter((other) => other.position === offer.position && !other.obstacle).length;
   const placed = uploads.offers.filter((offer) => offer.position !== null && !taken.has(offer.position));
-  const clear = placed.filter((offer) => !offer.obstacle && ways(offer) === 1);
+  const clear = placed.filter((offer) => !offer.obstacle && !offer.most_connections && ways(offer) === 1);
   const several = new Set(placed.filter((o) => ways(o) > 1).map((o) => o.position)).size;
   return html`<div class="given">
     <p>
