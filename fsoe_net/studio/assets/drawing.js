@@ -130,9 +130,10 @@ function grouped(findings, keys) {
 function Card({ sub, findings, from, setFrom, connect, chosen, choose }) {
   const severity = worst(findings);
   const line = [
+    sub.type,
     `${sub.alias ? `alias ${sub.alias} + ` : "position "}${sub.position}`,
     sub.group && `may be absent: ${sub.group}`,
-    sub.type && `${sub.type}, ${sub.about}`,
+    sub.about,
   ].filter(Boolean);
   return html`<div class="card ${sub.role || "none"} ${severity} ${chosen ? "chosen" : ""}">
     <button class="name" aria-pressed=${chosen} onClick=${() => choose({ subdevice: sub.name })}>
