@@ -19,7 +19,7 @@ Row = dict[str, object]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Place:
+class CablePlace:
     """A SubDevice on a bus: absolute, or after the SubDevice with the alias."""
 
     name: str
@@ -29,7 +29,7 @@ class Place:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Node:
+class CableNode:
     """A SubDevice of the picture.
 
     Attributes:
@@ -51,7 +51,7 @@ class Node:
 class Cabling:
     """All nodes, and those from which a cable returns to the MainDevice."""
 
-    nodes: tuple[Node, ...]
+    nodes: tuple[CableNode, ...]
     rings: tuple[int, ...] = ()
 
     def unreached(self, cut: Collection[int]) -> set[str]:
@@ -97,12 +97,12 @@ class Cabling:
         }
 
 
-def lines_of(places: Sequence[Place]) -> Cabling:
+def lines_of(places: Sequence[CablePlace]) -> Cabling:
     """Return each bus as a line, in the order of its positions."""
-    nodes: list[Node] = []
+    nodes: list[CableNode] = []
     for bus in sorted({place.bus for place in places}):
         # A SubDevice with an alias stays after the previous one in the file.
-        groups: list[list[Place]] = [[]]
+        groups: list[list[CablePlace]] = [[]]
         for place in places:
             if place.bus == bus:
                 if not place.alias:
@@ -112,7 +112,7 @@ def lines_of(places: Sequence[Place]) -> Cabling:
         others.sort(key=lambda group: group[0].position)
         parent = None
         for place in (place for group in (first, *others) for place in group):
-            nodes.append(Node(name=place.name, bus=bus, parent=parent))
+            nodes.append(CableNode(name=place.name, bus=bus, parent=parent))
             parent = len(nodes) - 1
     return Cabling(nodes=tuple(nodes))
 
@@ -121,14 +121,14 @@ def cabling_of(resolution: Resolution, scan: Scan | None) -> Cabling:
     """Return the cables of a network; the first bus as in a scan, if its links determine them."""
     network = resolution.network
     places = [
-        Place(name=s.name, bus=s.master_id, alias=s.alias, position=s.position)
+        CablePlace(name=s.name, bus=s.master_id, alias=s.alias, position=s.position)
         for s in network.subdevices
     ]
     wired = None if scan is None else cables_of(network, scan)
     if wired is None or not wired["is_known"]:
         return lines_of(places)
     nodes = [
-        Node(
+        CableNode(
             name=str(row["subdevice"]),
             bus=0,
             type=str(row["type"]),
@@ -143,7 +143,7 @@ def cabling_of(resolution: Resolution, scan: Scan | None) -> Cabling:
     first = len(nodes)
     for node in rest.nodes:
         parent = None if node.parent is None else node.parent + first
-        nodes.append(Node(name=node.name, bus=node.bus, parent=parent))
+        nodes.append(CableNode(name=node.name, bus=node.bus, parent=parent))
     ring = wired["ring_from"]
     return Cabling(nodes=tuple(nodes), rings=() if ring is None else (ring[0],))
 
@@ -154,7 +154,9 @@ def bus_row(
     buses: Sequence[str] = (),
 ) -> Row:
     """Return the picture of a bus from its own reports, without lamps and axes."""
-    places = [Place(name=s.name, bus=s.bus, alias=s.alias, position=s.position) for s in subdevices]
+    places = [
+        CablePlace(name=s.name, bus=s.bus, alias=s.alias, position=s.position) for s in subdevices
+    ]
     facts: dict[str, Row] = {name: {"kind": kind.value} for name, kind in kinds.items()}
     return (_linked(subdevices) or lines_of(places)).row(facts, buses)
 
@@ -184,7 +186,7 @@ def _linked(subdevices: Sequence[SubDeviceSnapshot]) -> Cabling | None:
         return None
     rings = () if wiring.ring_from is None else (wiring.ring_from[0],)
     nodes = tuple(
-        Node(name=subdevices[c.position].name, bus=0, parent=c.parent, port=c.port)
+        CableNode(name=subdevices[c.position].name, bus=0, parent=c.parent, port=c.port)
         for c in wiring.cables
     )
     return Cabling(nodes=nodes, rings=rings)

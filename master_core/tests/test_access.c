@@ -182,7 +182,7 @@ static void datagrams_end_at_their_limit(void) {
     }
 }
 
-/** A Reset lasts several frames; it counts once, that of a start not at all; its last code is kept. */
+/** A Reset lasts several frames: it counts once, and that of a start not at all. */
 static void resets_are_counted_once(void) {
     struct emulated_rig rig = set_up_full();
     static const char *const frames[] = {

@@ -17,7 +17,7 @@ from fsoe_net.model.scan import Scan, ScannedPort, ScannedSubDevice
 
 needed("starlette", "studio")
 
-from fsoe_net.studio.live_cabling import Place, bus_row, lines_of  # noqa: E402
+from fsoe_net.studio.live_cabling import CablePlace, bus_row, lines_of  # noqa: E402
 from fsoe_net.studio.live_emulated import EmulatedFeed  # noqa: E402
 
 EK1100 = (2, 0x044C2C52)  # not in the file
@@ -106,7 +106,7 @@ def test_two_buses_are_two_lines_with_names_of_their_own() -> None:
 
 def test_a_subdevice_with_an_alias_stays_after_the_previous_one() -> None:
     places = [("c", 0, 2), ("a", 0, 0), ("x", 7, 0), ("b", 0, 1)]
-    rows = lines_of([Place(name=n, bus=0, alias=a, position=p) for n, a, p in places])
+    rows = lines_of([CablePlace(name=n, bus=0, alias=a, position=p) for n, a, p in places])
     assert [node.name for node in rows.nodes] == ["a", "x", "b", "c"]
 
 

@@ -31,7 +31,6 @@ from fsoe_net.formats.own.schema import (
 )
 from fsoe_net.formats.own.slave_yaml import device_from_yaml, load_device
 from fsoe_net.formats.own.transfers import ModuleRow, modules_from_yaml, nets_from_yaml
-from fsoe_net.formats.ros2_controllers.read import is_controllers, read_controllers
 from fsoe_net.formats.shared.files import Collector, is_there, read_bytes
 from fsoe_net.formats.shared.numbers import own_int
 from fsoe_net.formats.shared.ring import fits_on_bus
@@ -81,12 +80,6 @@ def load_network(
     )
 
 
-@dataclass(slots=True)
-class _Yaml:
-    path: str
-    root: MapNode
-
-
 class _Assembly:
     """Collects files by type, then builds the network once."""
 
@@ -96,8 +89,8 @@ class _Assembly:
         self._devices: dict[str, Device | None] = {}
         self._drives: dict[tuple[str, int], Device] = {}  # by path and mode of operation
         self._located: dict[tuple[str, str], str] = {}
-        self._network_file: _Yaml | None = None
-        self._transfer_files: list[_Yaml] = []
+        self._network_file: MapNode | None = None
+        self._transfer_files: list[MapNode] = []
         self._slaves: list[tuple[str, Device | None]] = []
         self._urdf: str | None = None
         self._systems: tuple[DriverSystem, ...] = ()
@@ -124,13 +117,13 @@ class _Assembly:
         kind = self._kind_of(root, data)
         if kind == "network":
             if self._network_file is not None:
-                self._refuse_second(path, self._network_file.path)
+                self._refuse_second(path, self._network_file.file)
                 return
             if check_structure(root, "network", self.out):
-                self._network_file = _Yaml(path, root)
+                self._network_file = root
         elif kind == "transfers":
             if check_structure(root, "transfers", self.out):
-                self._transfer_files.append(_Yaml(path, root))
+                self._transfer_files.append(root)
         elif kind == "controllers":
             self._controllers.append(root)
         elif kind == "slave":
@@ -185,12 +178,14 @@ class _Assembly:
             return None
         if "subdevices" in root.pairs or "buses" in root.pairs:
             return "network"
-        if is_controllers(root):
-            return "controllers"
         # `nets` is a key of both kinds; a file with nothing else is a transfer YAML.
         best = max(scores, key=lambda k: (scores[k], k == "transfers"))
         if scores[best]:
             return best
+        from fsoe_net.formats.ros2_controllers.read import is_controllers  # only if needed
+
+        if is_controllers(root):
+            return "controllers"
         words = {"nets": "transfers", "subdevices": "network"}
         words |= dict.fromkeys(("safety_modules", "transfer_modules"), "transfers")
         words |= dict.fromkeys(("vendor_id", "product_id", "rpdo", "tpdo"), "slave")
@@ -231,8 +226,7 @@ class _Assembly:
 
     # -- network YAML -----------------------------------------------------------------------------
 
-    def _from_network_file(self, file: _Yaml) -> NetworkConfig:
-        root = file.root
+    def _from_network_file(self, root: MapNode) -> NetworkConfig:
         buses = buses_from_yaml(root, self.out)
         if not buses:
             check_subdevices(root, self.out)
@@ -241,9 +235,9 @@ class _Assembly:
         needed = frames or not isinstance(root.get("nets"), SeqNode)
         nets = nets_from_yaml(root, self.out, needed=needed)
         for extra in self._transfer_files:
-            nets += nets_from_yaml(extra.root, self.out)
+            nets += nets_from_yaml(extra, self.out)
         return NetworkConfig(
-            name=root.text("name") or Path(file.path).stem,
+            name=root.text("name") or Path(root.file).stem,
             span=root.span,
             fields=root.places(),
             cycle_ns=buses[0].bus.cycle_ns if buses else cycle_from_yaml(root, self.out),
@@ -323,10 +317,10 @@ class _Assembly:
             if system.control_frequency > 0:
                 cycle_ns = round(1e9 / system.control_frequency)
             if file is not None:
-                nets += nets_from_yaml(file.root, self.out)
+                nets += nets_from_yaml(file, self.out)
                 subs.extend(self._from_rows(file, system.master_id))
         for file in self._transfer_files:
-            nets += nets_from_yaml(file.root, self.out)
+            nets += nets_from_yaml(file, self.out)
             subs.extend(self._from_rows(file, 0))
         if not self._systems:
             return None
@@ -351,10 +345,12 @@ class _Assembly:
     def _with_controllers(self) -> Robot | None:
         if not self._controllers:
             return None
+        from fsoe_net.formats.ros2_controllers.read import read_controllers
+
         rates, controllers = read_controllers(self._controllers, self.out)
         return replace(self._robot, update_rates=rates, controllers=controllers)
 
-    def _transfer_file_of(self, system: DriverSystem) -> _Yaml | None:
+    def _transfer_file_of(self, system: DriverSystem) -> MapNode | None:
         if system.transfer_file is None or self._transfer_files:
             return None
         named_at = system.at(system.transfer_key or "transfer_config")
@@ -364,7 +360,7 @@ class _Assembly:
         root = parse_yaml(data, path, self.out) if data is not None else None
         if root is None or not check_structure(root, "transfers", self.out):
             return None
-        return _Yaml(path, root)
+        return root
 
     def _relative(self, text: str, span: Span) -> None:
         """Report FSN126, once per naming file."""
@@ -410,12 +406,10 @@ class _Assembly:
             self._drives[key] = with_mode(device, mode, span)
         return self._drives[key]
 
-    def _from_rows(self, file: _Yaml, master_id: int) -> list[SubDevice]:
-        return [
-            self._from_row(row, file, master_id) for row in modules_from_yaml(file.root, self.out)
-        ]
+    def _from_rows(self, file: MapNode, master_id: int) -> list[SubDevice]:
+        return [self._from_row(row, file, master_id) for row in modules_from_yaml(file, self.out)]
 
-    def _from_row(self, row: ModuleRow, file: _Yaml, master_id: int) -> SubDevice:
+    def _from_row(self, row: ModuleRow, file: MapNode, master_id: int) -> SubDevice:
         if row.plugin is not None:
             from fsoe_net.formats.ros2.urdf_params import known_plugin_findings
 
@@ -427,7 +421,7 @@ class _Assembly:
             name=row.name,
             alias=row.alias,
             position=row.position,
-            device=self._device(row.slave_config, file.path, row.config_span),
+            device=self._device(row.slave_config, file.file, row.config_span),
             plugin=row.plugin,
             origin=row.origin,
             master_id=master_id,
@@ -439,7 +433,7 @@ class _Assembly:
         nets: tuple[Net, ...] = ()
         subs: list[SubDevice] = []
         for file in self._transfer_files:
-            nets += nets_from_yaml(file.root, self.out)
+            nets += nets_from_yaml(file, self.out)
             subs.extend(self._from_rows(file, 0))
         first = self._transfer_files[0]
         known = {s.name for s in subs}
@@ -454,14 +448,14 @@ class _Assembly:
         if missing:
             self.out.add(
                 "FSN201",
-                first.root.at("nets"),
+                first.at("nets"),
                 f"declared elsewhere, so not checked here: {', '.join(missing)}",
                 severity=Severity.INFO,
                 hint="name the URDF or network file too, to check the copies to the bit",
             )
         return NetworkConfig(
-            name=Path(first.path).stem,
-            span=first.root.span,
+            name=Path(first.file).stem,
+            span=first.span,
             cycle_ns=None,
             subdevices=tuple(subs),
             nets=nets,
