@@ -182,7 +182,7 @@ class _Assembly:
         best = max(scores, key=lambda k: (scores[k], k == "transfers"))
         if scores[best]:
             return best
-        from fsoe_net.formats.ros2_controllers.read import is_controllers  # only if needed
+        from fsoe_net.formats.ros2.controllers import is_controllers  # only if needed
 
         if is_controllers(root):
             return "controllers"
@@ -345,7 +345,7 @@ class _Assembly:
     def _with_controllers(self) -> Robot | None:
         if not self._controllers:
             return None
-        from fsoe_net.formats.ros2_controllers.read import read_controllers
+        from fsoe_net.formats.ros2.controllers import read_controllers
 
         rates, controllers = read_controllers(self._controllers, self.out)
         return replace(self._robot, update_rates=rates, controllers=controllers)

@@ -1,4 +1,7 @@
-"""URDF and xacro of ethercat_driver_ros2; its YAML is written here and read in `formats.own`."""
+"""URDF and xacro of ethercat_driver_ros2, and controllers that use the robot.
+
+Its YAML is written here and read in `formats.own`.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,10 @@ FORMAT = Format(
     title="a URDF or xacro of ethercat_driver_ros2",
     expects="XML with the root <robot>",
     yields=Yields.NETWORK,
-    signatures=(Signature(words="a robot description (URDF)", root="robot"),),
+    signatures=(
+        Signature(words="a robot description (URDF)", root="robot"),
+        Signature(words="a file of ROS 2 parameters", text=rb"^[ \t]+ros__parameters[ \t]*:"),
+    ),
     suffixes=(".urdf", ".xacro"),
     targets=(
         Target(name="driver", write=_WRITE, is_folder=True),

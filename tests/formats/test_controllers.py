@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from fsoe_net.formats.ros2_controllers.read import is_controllers, read_controllers
+from fsoe_net.formats.ros2.controllers import is_controllers, read_controllers
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.yaml_tree import MapNode, parse_yaml
 from fsoe_net.model.robot import Controller
