@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 
+from fsoe_net.diag.words import counted
 from fsoe_net.fsoe.pdu import safe_data_length
 from fsoe_net.model.bus import Device, Direction, Entry, Located, Pdo, SyncManager
 from fsoe_net.model.layout import DeviceLayout
@@ -130,7 +131,7 @@ class LibraryPattern(Located):
         )
         return LibraryMapping(
             span=self.span,
-            name=f"{len(lengths)} connections by its pattern",
+            name=f"{counted(len(lengths), 'connection')} by its pattern",
             role="main",
             source=self.source,
             sync_managers=tuple(
@@ -172,10 +173,10 @@ class LibraryPattern(Located):
 class DeviceFunction(Enum):
     """What a person looks for in the list of devices."""
 
-    SAFE_INPUT = "safe input"
-    SAFE_OUTPUT = "safe output"
+    SAFE_INPUT = "safe_input"
+    SAFE_OUTPUT = "safe_output"
     DRIVE = "drive"
-    SAFETY_LOGIC = "safety logic"
+    SAFETY_LOGIC = "safety_logic"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -239,7 +239,7 @@ def test_values_of_a_live_bus_have_their_times(client: Any, lost: int):
 
 @pytest.mark.parametrize(
     ("to_sub", "to_main", "code"),
-    [((4, 5), (2, 0), 5), ((2, 0), (3, 7), 7), ((1, 5), (1, 0), None)],
+    [((4, 5), (2, 0), 5), ((2, 0), (3, 7), 7), ((0, 5), (0, 0), None), ((1, 5), (1, 0), 5)],
 )
 def test_a_reset_without_an_event_has_the_code_of_its_counter(to_sub, to_main, code):
     """Towards a silent end a Reset changes no state, so fsn-master sends no event."""

@@ -249,7 +249,7 @@ def test_safety_logic_has_the_connections_that_a_person_chose(
     new: Workspace, uploads: Uploads
 ) -> None:
     (offer,) = [row for row in uploads.shown()["offers"] if row["order"] == "EL6910"]
-    assert (offer["role"], offer["functions"]) == ("main", ["safety logic"])
+    assert (offer["role"], offer["functions"]) == ("main", ["safety_logic"])
     assert offer["most_connections"] == 16
 
     def add(connections: object) -> tuple[str, ...]:
@@ -277,7 +277,7 @@ def test_safety_logic_has_the_connections_that_a_person_chose(
 def test_the_variants_of_a_type_have_their_roles(uploads: Uploads) -> None:
     rows = [row for row in uploads.shown()["offers"] if row["order"] == "EL1918"]
     assert [row["role"] for row in rows] == ["sub", "sub", "main"]
-    assert all(row["functions"] == ["safe input", "safety logic"] for row in rows)
+    assert all(row["functions"] == ["safe_input", "safety_logic"] for row in rows)
 
 
 def test_a_rejected_addition_has_a_reason(new: Workspace, uploads: Uploads) -> None:

@@ -9,10 +9,13 @@ import { html } from "./html.js";
 const MOST_SHOWN = 60;
 const ROLES = { main: "MainInstance", sub: "SubInstance", "": "" };
 /** @type {import("./types").DeviceFunction[]} */
-const FUNCTIONS = ["safe input", "safe output", "drive", "safety logic"];
+const FUNCTIONS = ["safe_input", "safe_output", "drive", "safety_logic"];
 const USUAL = 6; // bytes of a frame with one byte of safe data
 /** Lengths that FSoE has, up to 30 bytes of safe data. */
 const LENGTHS = [USUAL, ...Array.from({ length: 15 }, (_, n) => 7 + 4 * n)];
+
+/** A function in words. @param {import("./types").DeviceFunction} name */
+const functionText = (name) => name.replace("_", " ");
 
 /** @param {number} value */
 const hex = (value) => `0x${value.toString(16).padStart(8, "0")}`;
@@ -52,7 +55,7 @@ export function Offers({ state, offers, add }) {
   const parts = wanted.toLowerCase().split(/\s+/);
   const found = byType(
     offers.filter((offer) => {
-      const text = `${offer.order} ${offer.about} ${offer.functions.join(" ")} ${words(offer)}`.toLowerCase();
+      const text = `${offer.order} ${offer.about} ${offer.functions.map(functionText).join(" ")} ${words(offer)}`.toLowerCase();
       return parts.every((part) => text.includes(part));
     }),
   );
@@ -62,7 +65,7 @@ export function Offers({ state, offers, add }) {
         onInput=${(/** @type {any} */ event) => setWanted(event.target.value)} />
     </label>
     <div class="row" role="group" aria-label="Search by function">
-      ${FUNCTIONS.map(
+      ${FUNCTIONS.map(functionText).map(
         (name) => html`<button key=${name} aria-pressed=${wanted === name}
           onClick=${() => setWanted(wanted === name ? "" : name)}>${name}</button>`,
       )}

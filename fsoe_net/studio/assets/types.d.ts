@@ -271,7 +271,7 @@ export interface Uploads {
 }
 
 /** See fsoe_net/model/library.py. */
-export type DeviceFunction = "safe input" | "safe output" | "drive" | "safety logic";
+export type DeviceFunction = "safe_input" | "safe_output" | "drive" | "safety_logic";
 
 export interface Offer {
   number: number;
