@@ -46,8 +46,7 @@ def _logo(path: str, named_at: Span, out: Collector) -> Logo | None:
     if data is None:
         return None
     out.sources += found.sources
-    media = _media(data)
-    size = (_png_size if media == "image/png" else _jpeg_size)(data) if media else None
+    media, size = _picture(data)
     if size is None:
         why = f"the logo {path!r} is not a valid PNG or JPEG"
         out.add("FSN169", named_at, why, hint="export it as PNG")
@@ -67,10 +66,13 @@ def _is_inside(folder: str, path: str) -> bool:
     return not os.path.isabs(path) and target.startswith(os.path.join(inside, ""))
 
 
-def _media(data: bytes) -> str:
+def _picture(data: bytes) -> tuple[str, tuple[int, int] | None]:
+    """Return the media type, and width and height if the file has them."""
     if data.startswith(_PNG):
-        return "image/png"
-    return "image/jpeg" if data.startswith(_JPEG) else ""
+        return "image/png", _png_size(data)
+    if data.startswith(_JPEG):
+        return "image/jpeg", _jpeg_size(data)
+    return "", None
 
 
 def _png_size(data: bytes) -> tuple[int, int] | None:

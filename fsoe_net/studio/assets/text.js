@@ -8,7 +8,7 @@ const WAIT_MS = 250;
 export function Text({ state, line, act, onCursor }) {
   const [editor, setEditor] = useState(/** @type {import("./types").Editor | null} */ (null));
   const box = useRef(/** @type {HTMLElement | null} */ (null));
-  /** What was typed and not yet answered, and the part of it that was sent; null: nothing. */
+  /** Typed text without an answer yet, and the part of it that was sent; null: nothing. */
   const pending = useRef(/** @type {string | null} */ (null));
   const sent = useRef(/** @type {string | null} */ (null));
   const timer = useRef(0);

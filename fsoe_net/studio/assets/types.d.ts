@@ -383,7 +383,7 @@ export interface LiveStop {
   inputs: string[];
 }
 
-/** What stays the same of a machine. */
+/** The constant part of a machine. */
 export interface LivePicture {
   buses: string[];
   /** Numbers of the nodes from which a cable returns to the MainDevice. */
@@ -394,7 +394,7 @@ export interface LivePicture {
   has_axes?: boolean;
 }
 
-/** What changes of an emulated machine, see fsoe_net/studio/live_machine.py. */
+/** The changing part of an emulated machine, see fsoe_net/studio/live_machine.py. */
 export interface LiveMachine {
   /** Of the lamps of each node, inputs first. */
   values: number[];
