@@ -409,7 +409,7 @@ export interface LiveMachine {
   turning: boolean;
 }
 
-/** What is selected in the picture. */
+/** Selection in the picture. */
 export type LiveSelected = { subdevice: string } | { connection: string } | null;
 
 /** Acts on an emulated run, with what to expect. */
