@@ -9,7 +9,7 @@
 
 #include "soem_rig.h"
 
-enum { SKIPPED = 77, CYCLE = 1000000, SECOND = 1000000000 };
+enum { SKIPPED = 77, CYCLE = 1000000, SECOND = 1000000000, SYNC_FATAL = 0x002C };
 
 /** Wall clock of this process, nanoseconds since 1970; 0: that of the machine. SOEM sets all clocks
  *  to it. */
@@ -44,13 +44,17 @@ static struct fsn_bus_clocks clocks_become(struct rig *rig, uint8_t state) {
     exit(1);
 }
 
-/** Switches a SubDevice off and on, and waits until it is in OP again. */
+/** Switches a SubDevice off and on, and waits until it is in OP again. No SubDevice leaves OP
+ *  because of its clock. */
 static void come_back(struct rig *rig, uint32_t n) {
     const uint32_t returns = look(rig, n).returns;
     fsn_segment_power_cycle(rig->segment, n);
     for (int i = 0; look(rig, n).returns == returns; i++) {
         CHECK(i < PATIENCE_MS / 2);
         fsn_core_poll(rig->core, FSN_AL_OP, now_ns());
+        for (uint32_t other = 0; other < SUBDEVICES; other++) {
+            CHECK(look(rig, other).al_code != SYNC_FATAL);
+        }
         pause_ms(2);
     }
 }
@@ -168,12 +172,10 @@ static void the_time_survives_its_reference(void) {
     for (uint32_t n = 0; n < SUBDEVICES; n++) {
         fsn_segment_set_present(rig->segment, n, false);
     }
-    struct fsn_bus_clocks c = clocks_become(rig, FSN_CLOCKS_LOST);
-    for (int i = 0; c.subdevices > 0 && i < PATIENCE_MS / 2; i++) { /* the others go as well */
-        pause_ms(2);
-        c = clocks_become(rig, FSN_CLOCKS_LOST);
-    }
-    CHECK(c.subdevices == 0 && c.outside == 0 && c.worst_ns == 0 && c.leaves == 0);
+    /* How often clocks were apart before is not of interest: a machine that stands still for more
+     * than the window is enough. */
+    const struct fsn_bus_clocks c = clocks_become(rig, FSN_CLOCKS_LOST);
+    CHECK(c.subdevices == 0 && c.outside == 0 && c.worst_ns == 0);
     CHECK(strncmp(c.place, "the time of s", 13) == 0);
     poll_until(rig, 0, 0);
     for (uint32_t n = 0; n < SUBDEVICES; n++) {
@@ -190,7 +192,7 @@ static void the_time_survives_its_reference(void) {
 
 /** All come back while frames are lost: no SubDevice is in OP with a time that differs. */
 static void no_lost_frame_leaves_a_clock_behind(void) {
-    enum { TURNS = 6, OF_FRAMES = 17, SYNC_FATAL = 0x002C };
+    enum { TURNS = 6, OF_FRAMES = 17 };
     struct rig *rig = bring_up_from(set_up_with_sync());
     for (int turn = 0; turn < TURNS; turn++) {
         for (uint32_t n = 0; n < SUBDEVICES; n++) {
