@@ -52,6 +52,17 @@ def test_the_pattern_gives_the_process_data_that_an_el6900_had() -> None:
     ]
 
 
+def test_the_pattern_continues_the_connection_that_an_el1918_had() -> None:
+    device = LIBRARY.named("EL1918")
+    (there,) = (m for m in device.mappings if m.role == "main")
+    to, back, *_ = (pdo for pdo in _entries(there) if pdo[0][0] < 0xF000 and len(pdo) > 1)
+    first, second, first_back, second_back = _entries(_pattern("EL1918").mapping([(6, 6), (6, 6)]))
+    assert (first, first_back) == (to, back)
+    # The driver of linuxcnc-ethercat: 0x7080 + (n << 4), 0x6080 + (n << 4).
+    assert [index for index, _, _ in second] == [0x7090, 0x7091, 0x7090, 0x7090]
+    assert [index for index, _, _ in second_back] == [0x6090, 0x6091, 0x6090, 0x6090]
+
+
 def test_the_pattern_gives_the_frames_of_the_example() -> None:
     network = load_network([str(EXAMPLES / "el6910" / "network.yaml")]).network
     assert network is not None
