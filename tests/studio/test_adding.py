@@ -276,7 +276,8 @@ def test_safety_logic_has_the_connections_that_a_person_chose(
 
 def test_the_variants_of_a_type_have_their_roles(uploads: Uploads) -> None:
     rows = [row for row in uploads.shown()["offers"] if row["order"] == "EL1918"]
-    assert [row["role"] for row in rows] == ["sub", "sub", "main"]
+    assert [row["role"] for row in rows] == ["sub", "sub", "main", "main"]
+    assert [row["most_connections"] for row in rows] == [0, 0, 0, 16]
     assert all(row["functions"] == ["safe_input", "safety_logic"] for row in rows)
 
 
