@@ -164,6 +164,19 @@ class Engine:
             self._auto_release_ns = now_ns + _AUTO_PRESS_NS
             self.log(now_ns, "run", "no scenario: reset pressed once, all connections in Data")
 
+    def is_settled(self, now_ns: int) -> bool:
+        """Return whether a run without a scenario has nothing more to show.
+
+        Reset has been pressed and released, no connection was reset, and each FSoE watchdog could
+        have expired twice since all connections came to Data.
+        """
+        if not self._auto_pressed or self._auto_release_ns is not None:
+            return False
+        longest = max(port.setup.main.watchdog_ms for port in self.network.mains.values())
+        return now_ns >= max(self.time_to_data_ns.values()) + 2_000_000 * longest and not any(
+            self.resets.values()
+        )
+
     # -- after the devices have stepped -----------------------------------------------------------
 
     def watch(self, now_ns: int) -> None:

@@ -211,12 +211,14 @@ def run_virtual(
     *,
     capture: CaptureWriter | None = None,
     incidents: IncidentRecorder | None = None,
+    until_settled: bool = False,
 ) -> Run:
     """Run in virtual time: one cycle and one step of every device after the other.
 
     The same session gives the same result, byte for byte. A keyboard interrupt ends the run early;
     its result is still returned. ``capture`` receives the frames of an equivalent bus;
-    ``incidents`` writes a file if a connection fails.
+    ``incidents`` writes a file if a connection fails; ``until_settled`` ends the run as soon as it
+    has nothing more to show (`Engine.is_settled`).
     """
     bus = None if capture is None else BusCapture(capture, session.core, session.records)
     cycle_ns = session.cycle_ns
@@ -235,6 +237,8 @@ def run_virtual(
             if incidents is not None:
                 incidents.cycle(now_ns)
             step(now_ns)
+            if until_settled and session.engine.is_settled(now_ns):
+                break
     except KeyboardInterrupt:
         session.engine.log(now_ns, "run", _INTERRUPTED)
     if incidents is not None:

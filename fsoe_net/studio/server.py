@@ -22,7 +22,8 @@ from fsoe_net.live.result import ConnectionResult
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.model import Plan
 from fsoe_net.project.check import Checked, whole_network
-from fsoe_net.project.simulate import simulate
+from fsoe_net.project.simulate import prepare
+from fsoe_net.simulate.session import run_virtual
 from fsoe_net.studio.connections import LimitedProtocol
 from fsoe_net.studio.document import content_of, state_of
 from fsoe_net.studio.files import UPLOADS, file_routes
@@ -35,8 +36,8 @@ from fsoe_net.studio.test_records import TestRecords
 from fsoe_net.studio.uploads import MAX_UPLOAD_BYTES, Uploads
 from fsoe_net.studio.workspace import MAX_TEXT_BYTES, StaleVersion, Workspace
 
-TRIAL_MS = 1000
-"""Simulated time of a trial."""
+_TRIAL_NS = 1_000_000_000
+"""Simulated time of a trial at most."""
 
 _MOST_EVENTS = 500
 
@@ -44,7 +45,7 @@ Row = dict[str, object]
 
 
 def try_network(checked: Checked) -> Row:
-    """Run a network; nothing is sent to a bus.
+    """Run a network until nothing more happens, at most 1 s; nothing is sent to a bus.
 
     Args:
         checked: The network, with everything found in it.
@@ -57,11 +58,12 @@ def try_network(checked: Checked) -> Row:
         CoreMissing: The compiled part is missing.
     """
     resolution = whole_network(checked, "not tried")
-    run = simulate(resolution, duration_ns=TRIAL_MS * 1_000_000)
+    session = prepare(resolution, None, None, virtual=True)
+    run = run_virtual(session, _TRIAL_NS, until_settled=True)
     absent = _absent(compile_plan(resolution))
     return {
         "passed": run.passed,
-        "duration_ms": TRIAL_MS,
+        "duration_ms": run.duration_ms,
         "connections": [_connection(row, absent) for row in run.connections],
         "events": [
             {"time_ms": event.time_ms, "source": event.source, "text": event.text}

@@ -1,6 +1,7 @@
 """Runs in virtual time: what is observed, what is reported, and that it repeats."""
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -297,3 +298,28 @@ def test_a_network_without_a_connection_is_refused():
     empty = resolve(NetworkConfig(name="x", cycle_ns=None, subdevices=whole.subdevices, nets=()))
     with pytest.raises(InputError, match=r"nothing to emulate: .*; a live bus runs them"):
         prepare(empty, None, None, virtual=True)
+
+
+LONG_NS = 1_000_000_000
+
+
+def test_a_run_until_settled_shows_what_a_long_one_shows():
+    session = session_of(ESTOP)
+    short = run_virtual(session, LONG_NS, until_settled=True)
+    long = run_virtual(session_of(ESTOP), LONG_NS)
+    assert short.passed and short.duration_ms < long.duration_ms == 1000
+    assert short.events == long.events
+    (connection,) = short.connections
+    assert short.duration_ms >= connection.time_to_data_ms + 2 * connection.watchdog_ms
+    session.engine.resets[NAME] = 1
+    assert not session.engine.is_settled(LONG_NS)
+
+
+def test_a_run_without_data_does_not_settle(tmp_path: Path):
+    folder = tmp_path / "estop"
+    shutil.copytree(ESTOP, folder)
+    text = (folder / "network.yaml").read_text("utf-8")
+    # A frame takes longer than this from one end to the other and back.
+    (folder / "network.yaml").write_text(text.replace("watchdog_ms: 100", "watchdog_ms: 1"))
+    found = run_virtual(session_of(folder), LONG_NS, until_settled=True)
+    assert (found.passed, found.duration_ms) == (False, 1000)

@@ -69,7 +69,7 @@ def test_from_nothing_to_data_by_mouse_alone(page: Any, tmp_path: Path) -> None:
     mouse.click(begin.get_by_role("button", name="Add SubDevices"))
     mouse.click(_offer(page, "EK1914", "as devices report it"))
     page.locator('[data-port="ek1914/0"]').wait_for()
-    mouse.click(page.get_by_text("2 more variants of EL1918"))
+    mouse.click(page.get_by_text("3 more variants of EL1918"))
     mouse.click(_offer(page, "EL1918", "MainInstance · own safety program"))
     page.locator('[data-port="el1918/0"]').wait_for()
     mouse.click(page.get_by_role("button", name="Close"))

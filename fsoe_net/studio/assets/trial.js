@@ -19,8 +19,8 @@ export function Trial({ content, hasErrors, tried, setTried }) {
   return html`<section class="trial" aria-label="Emulated bus">
     <h2>Does it come up?</h2>
     <p class="help">
-      One second on the emulated bus; nothing is sent to a real one. It shows nothing about your devices,
-      cables and safety project: those are tried at the machine.
+      The emulated bus runs until all connections stay in Data, at most one second; nothing is sent to a real
+      one. It shows nothing about your devices, cables and safety project: those are tried at the machine.
     </p>
     <button disabled=${runs || hasErrors} onClick=${start}>
       ${runs ? "Runs …" : hasErrors ? "Try it: correct the errors first" : "Try it"}
