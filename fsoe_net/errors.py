@@ -73,19 +73,24 @@ class InputError(FsnError):
     """A file was rejected as a whole.
 
     Args:
-        message: One sentence for the user.
-        diagnostics: Findings with locations; may be empty if the message is complete. The first
-            one is also added to the exception as a note.
+        message: One sentence for the user; the text of the exception adds the first finding.
+        diagnostics: Findings with locations; may be empty if the message is complete. A traceback
+            shows the next step of the first one as a note.
     """
 
     exit_code = 1
 
     def __init__(self, message: str, diagnostics: Sequence[Diagnostic] = ()) -> None:
         super().__init__(message)
+        self.message = message
         self.diagnostics = tuple(diagnostics)
-        # Shown below a traceback: a notebook or a script needs no further call to see the mistake.
         for first in self.diagnostics[:1]:
-            self.add_note(str(first))
+            if first.hint:
+                self.add_note(first.next_step)
+
+    def __str__(self) -> str:
+        """Return the message and the first finding, in one line."""
+        return ": ".join([self.message, *(first.headline for first in self.diagnostics[:1])])
 
 
 class FilePresent(InputError):

@@ -170,7 +170,7 @@ def main() -> None:
         from fsoe_net.cli.output import print_diagnostics
 
         option = " with --overwrite" if isinstance(exc, FilePresent) else ""
-        echo(f"error: {exc}{option}", err=True)
+        echo(f"error: {exc.message}{option}", err=True)
         print_diagnostics(exc.diagnostics, err=True)
         sys.exit(exc.exit_code)
     except FsnError as exc:

@@ -127,8 +127,17 @@ class Diagnostic:
             object.__setattr__(self, name, _shortened(getattr(self, name)))
 
     def __str__(self) -> str:
-        text = printable(f"{self.span}: {self.code}: {self.message}")
-        return f"{text}\nnext step: {printable(self.hint)}" if self.hint else text
+        return "\n".join(filter(None, [self.headline, self.next_step]))
+
+    @property
+    def headline(self) -> str:
+        """Place, code and message in one line."""
+        return printable(f"{self.span}: {self.code}: {self.message}")
+
+    @property
+    def next_step(self) -> str:
+        """The hint in one line; empty without a hint."""
+        return f"next step: {printable(self.hint)}" if self.hint else ""
 
     @property
     def level(self) -> Severity:

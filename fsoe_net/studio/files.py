@@ -111,8 +111,10 @@ async def _answered(uploads: Uploads, make: Callable[[], dict[str, object]]) -> 
 def _words(exc: Exception, named: Callable[[str], str]) -> str:
     if isinstance(exc, StaleVersion):
         return "something else has changed meanwhile; look at it, and do it again"
-    rows = exc.diagnostics if isinstance(exc, InputError) else ()
-    return named("; ".join([str(exc), *(f"{row.span}: {row.message}" for row in rows[:5])]))
+    if not isinstance(exc, InputError):
+        return named(str(exc))
+    rows = (f"{row.span}: {row.message}" for row in exc.diagnostics[:5])
+    return named("; ".join([exc.message, *rows]))
 
 
 def _refused(text: str, status: int = 422) -> Response:

@@ -163,10 +163,11 @@ class Records:
 
 def _refused(exc: FsnError) -> Document:
     found = exc.diagnostics if isinstance(exc, InputError) else ()
+    text = exc.message if isinstance(exc, InputError) else str(exc)
     return Document(
         title="This cannot be shown",
         version=__version__,
-        verdict=Verdict(str(exc), Level.ERROR),
+        verdict=Verdict(text, Level.ERROR),
         lead=tuple(words(f"{d.span}: {d.message}. {d.hint}") for d in found),
     )
 

@@ -258,7 +258,8 @@ class Uploads:
         except FsnError as exc:
             # Input errors have a list of findings; other errors have only their text.
             rows = list(exc.diagnostics) if isinstance(exc, InputError) else []
-            return _Content(list_offers(Gathered(), out), findings=rows, error=str(exc))
+            error = exc.message if isinstance(exc, InputError) else str(exc)
+            return _Content(list_offers(Gathered(), out), findings=rows, error=error)
 
     def _offer(self, number: int, row: Offer) -> Row:
         return {

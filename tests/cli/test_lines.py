@@ -196,7 +196,7 @@ def test_a_code_without_a_page(monkeypatch: pytest.MonkeyPatch):
 def test_a_file_that_goes_while_a_fix_is_asked_for():
     with pytest.raises(InputError) as refused:
         fix.read_unchanged("/no/such/file", "", next_step="")
-    assert str(refused.value) == "nothing written: /no/such/file cannot be read again"
+    assert refused.value.message == "nothing written: /no/such/file cannot be read again"
 
 
 def test_a_finding_is_fixed_as_a_whole_or_not_at_all():

@@ -268,7 +268,7 @@ def test_a_scan_of_devices_in_error_without_fsoe(tmp_path: Path):
     path.write_text(json.dumps(document | {"scan": 7}), "utf-8")
     with pytest.raises(InputError) as refused:
         read_evidence(str(path))
-    assert str(refused.value) == f"{path} is a damaged scan"
+    assert refused.value.message == f"{path} is a damaged scan"
 
 
 # -- names -----------------------------------------------------------------------------------------
