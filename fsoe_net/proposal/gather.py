@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from fsoe_net.diag.diagnostic import Diagnostic, Severity, Span, sort_diagnostics
+from fsoe_net.diag.words import listed
 from fsoe_net.errors import InputError
 from fsoe_net.formats.own.answers import load_answers
 from fsoe_net.formats.own.network import load_network
@@ -30,6 +31,8 @@ _SCAN = re.compile(rb'\s*\{\s*"scan"\s*:')
 _LACKING = {"FSN125", "FSN223"}
 # A driver stops at these; the SubDevice is known nevertheless.
 _TOLERATED = {"FSN120"}
+# Keys of a network that are not of its bus.
+_NOT_OF_A_BUS = ("project", "report", "safety_functions")
 
 
 @dataclass(slots=True)
@@ -317,6 +320,9 @@ def _sort_network(network: NetworkConfig, path: str, found: Gathered) -> None:
             found.part = network
         return
     made = replace(describe(network), path=path)
+    left = [key for key in _NOT_OF_A_BUS if network.fields.get(key)]
+    if left:
+        found.notes.append(f"{path}: left out: {listed(left)}; copy them into the new file")
     found.name = found.name or ("" if network.partial else network.name)
     if network.partial:
         found.types.append(made.without_positions())

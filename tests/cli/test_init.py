@@ -146,6 +146,16 @@ def test_a_network_gives_the_same_plan_again(tmp_path: Path):
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+def test_what_is_not_of_the_bus_is_named(tmp_path: Path):
+    text = (EXAMPLE / "network.yaml").read_text("utf-8")
+    shutil.copytree(EXAMPLE, tmp_path / "in")
+    added = "project: hall 3\nreport: {number: R-1}\n"
+    (tmp_path / "in" / "network.yaml").write_text(text + added, "utf-8")
+    done = init(tmp_path / "in" / "network.yaml", out=tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    assert "left out: project, report; copy them into the new file" in done.stderr
+
+
 def test_an_unconfirmed_connection_stays_unconfirmed(tmp_path: Path):
     assert init(*devices(tmp_path), out=tmp_path / "one", answers=RING).returncode == 1
     done = init(tmp_path / "one" / "network.yaml", out=tmp_path / "two")
