@@ -64,12 +64,16 @@ _ON_SEGMENT = frozenset(Action) - {
 }
 
 
+RESET_OF_ALL = "reset"
+"""Target of a button: the reset of each safety logic."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScenarioStep(Located):
     """An action at a time.
 
-    ``target`` is the SubDevice, connection or button, ``other`` the one it is swapped with.
-    ``values`` are values by name: of signals, by SubDevice, or the fields of ``wrong`` and
+    ``target`` is the SubDevice or connection, or `RESET_OF_ALL`; ``other`` is what it is swapped
+    with. ``values`` are values by name: of signals, by SubDevice, or the fields of ``wrong`` and
     ``sdo_abort``. ``number`` is a count or a time in the unit of the action.
     """
 

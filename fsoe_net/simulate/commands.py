@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.diag.guesses import guesses, one_of
-from fsoe_net.model.scenario import Action, ScenarioStep
+from fsoe_net.model.scenario import RESET_OF_ALL, Action, ScenarioStep
 from fsoe_net.model.times import TIME_UNITS_NS, time_ns
 
 _WORD = 0xFFFFFFFF
@@ -93,9 +93,9 @@ def _target(action: Action) -> Callable[[Sequence[str], Span], ScenarioStep]:
 
 def _button(action: Action) -> Callable[[Sequence[str], Span], ScenarioStep]:
     def make(words: Sequence[str], span: Span) -> ScenarioStep:
-        if words not in ([], ["reset"]):
-            raise CommandError(f"unknown button {words[0][:24]!r}; the only one is reset")
-        return ScenarioStep(span=span, at_ns=0, action=action, target="reset")
+        return ScenarioStep(
+            span=span, at_ns=0, action=action, target=words[0] if words else RESET_OF_ALL
+        )
 
     return make
 
@@ -160,8 +160,8 @@ _FORMS = {
     "pull": _Form("GROUP", _target(Action.PULL)),
     "power-cycle": _Form("SUBDEVICE", _target(Action.POWER_CYCLE)),
     "local-reset": _Form("CONNECTION", _target(Action.LOCAL_RESET)),
-    "press": _Form("[reset]", _button(Action.PRESS)),
-    "release": _Form("[reset]", _button(Action.RELEASE)),
+    "press": _Form("[LOGIC]", _button(Action.PRESS)),
+    "release": _Form("[LOGIC]", _button(Action.RELEASE)),
     "set": _Form("SIGNAL VALUE", _values(Action.SET, 2**64 - 1)),
     "fsoe-address": _Form("SUBDEVICE ADDRESS", _values(Action.FSOE_ADDRESS, 0xFFFF)),
     "drive-fault": _Form("DRIVE CODE", _values(Action.DRIVE_FAULT, 0xFFFF)),

@@ -11,7 +11,7 @@ from fsoe_net.fsoe.event import EventKind, State
 from fsoe_net.fsoe.observed import ConnectionState
 from fsoe_net.fsoe.pdu import reset_code_text
 from fsoe_net.live.result import ExpectationResult, RunEvent, RunEventKind, state_fields
-from fsoe_net.model.scenario import Action, Expectation, Scenario, ScenarioStep
+from fsoe_net.model.scenario import RESET_OF_ALL, Action, Expectation, Scenario, ScenarioStep
 from fsoe_net.simulate.bus import EmulatedDevices
 from fsoe_net.simulate.drive.axis import EmulatedAxis
 from fsoe_net.simulate.drive.power import PdsState
@@ -114,7 +114,7 @@ class Engine:
         """Execute one step that is valid for the network."""
         self.log(now_ns, source, _step_text(step))
         if step.action in (Action.PRESS, Action.RELEASE):
-            self._press(step.action is Action.PRESS)
+            self._press(step.action is Action.PRESS, step.target)
         elif step.action in (Action.BREAK, Action.HEAL, Action.PLUG, Action.PULL):
             is_group = step.action in (Action.PLUG, Action.PULL)
             change = self._plug if is_group else self._set_present
@@ -143,9 +143,10 @@ class Engine:
     def _trip(self, name: str, error_code: int) -> None:
         self.network.axes[name].axis.trip(error_code)
 
-    def _press(self, pressed: bool) -> None:
+    def _press(self, pressed: bool, target: str = RESET_OF_ALL) -> None:
         for device in self.network.masters:
-            device.logic.pressed = pressed
+            if target in (RESET_OF_ALL, device.name):
+                device.logic.pressed = pressed
 
     def _press_once(self, now_ns: int) -> None:
         """Press reset as an operator; without a scenario, nothing would switch on otherwise."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from fsoe_net.diag.diagnostic import Diagnostic, Span, sort_diagnostics
 from fsoe_net.diag.guesses import guesses, one_of
 from fsoe_net.model.bus import Located
-from fsoe_net.model.scenario import Action, Scenario, ScenarioStep
+from fsoe_net.model.scenario import RESET_OF_ALL, Action, Scenario, ScenarioStep
 from fsoe_net.plan.model import Plan, PlanSymbol
 from fsoe_net.simulate.bus import EmulatedDevices, normal_name
 
@@ -36,6 +36,7 @@ class ScenarioNames:
     subs: frozenset[str]
     groups: frozenset[str]
     axes: frozenset[str]
+    logics: frozenset[str]
     segment: bool
     """Whether the bus is an emulated segment, with cables and mailboxes."""
 
@@ -53,6 +54,7 @@ class ScenarioNames:
             subs=frozenset(p.setup.connection.sub.name for p in network.subs.values()),
             groups=frozenset(g.name for g in plan.groups),
             axes=frozenset(network.axes),
+            logics=frozenset(device.name for device in network.masters),
             segment=segment,
         )
 
@@ -135,6 +137,8 @@ class _Check:
             self.known(step.target, names.groups, "group", span)
         elif step.action is Action.POWER_CYCLE:
             self.known(step.target, names.devices, "SubDevice with process data", span)
+        elif step.action in (Action.PRESS, Action.RELEASE):
+            self.known(step.target, {*names.logics, RESET_OF_ALL}, "safety logic", span)
         elif step.action is Action.LOCAL_RESET:
             self.known(step.target, names.connections, "connection", span)
         elif step.action is Action.DRIVE_FAULT:

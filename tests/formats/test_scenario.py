@@ -121,7 +121,7 @@ MISTAKES = {
     "step is a word": ("version: 1\nsteps: [press]\n", ["2:9 FSN111"]),
     "step without time": ("version: 1\nsteps: [{press: reset}]\n", ["2:9 FSN110"]),
     "step without action": ("version: 1\nsteps: [{at_ms: 1}]\n", ["2:9 FSN110"]),
-    "press what": ("version: 1\nsteps: [{at_ms: 1, press: start}]\n", ["2:27 FSN116"]),
+    "press what": ("version: 1\nsteps: [{at_ms: 1, press: 1}]\n", ["2:27 FSN111"]),
     "negative time": ("version: 1\nsteps: [{at_ms: -1, press: reset}]\n", ["2:17 FSN113"]),
     "time nan": ("version: 1\nsteps: [{at_ms: .nan, press: reset}]\n", ["2:17 FSN113"]),
     "time endless": ("version: 1\nsteps: [{at_ms: 1e300, press: reset}]\n", ["2:17 FSN113"]),

@@ -108,8 +108,8 @@ break SUBDEVICE
 heal SUBDEVICE
 power-cycle SUBDEVICE
 local-reset CONNECTION
-press [reset]
-release [reset]
+press [LOGIC]
+release [LOGIC]
 set SIGNAL VALUE
 fsoe-address SUBDEVICE ADDRESS
 cut SUBDEVICE|main

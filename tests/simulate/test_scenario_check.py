@@ -38,6 +38,7 @@ EXPECT = "expect: [{{at_ms: 1, {}}}]\n"
         (STEP.format("heal: zzz"), "known: ek1914, el1918"),
         (STEP.format("power_cycle: EL1918"), "write el1918"),
         (STEP.format("local_reset: ek1914-el1918"), "write el1918-ek1914"),
+        (STEP.format("press: el1981"), "write el1918"),
         (EXPECT.format("connection: el1918, state: data"), "write el1918-ek1914"),
         (EXPECT.format("safe_outputs: {ek1914.0x6001:01: 1}"), "write ek1914.0x7001:01"),
     ],

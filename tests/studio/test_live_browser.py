@@ -127,7 +127,7 @@ def test_people_learn_what_an_e_stop_and_a_pulled_subdevice_do(
         page.get_by_role("button", name="Release button ES1 at ek1914").click()
         effects.get_by_text("Off: the outputs of el1918.").wait_for()
         after(page, 0.1)  # reset counts where the logic has every input already
-        reset = page.get_by_role("button", name="Reset (active")
+        reset = page.get_by_role("button", name="Reset of")
         reset.focus()
         reset.hover()
         page.keyboard.down("Enter")  # a button that is held, by keyboard

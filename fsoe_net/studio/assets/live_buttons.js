@@ -15,7 +15,7 @@ export function Buttons({ names, picture, view, order }) {
   return html`<section class="buttons" aria-label="Operate the emulated machine">
     ${(picture.stops ?? []).map((stop) => html`<${Stop} key=${`${stop.logic} ${stop.subdevice}`} stop=${stop}
       pressed=${isPressed(stop, values)} order=${order} />`)}
-    <${Reset} order=${order} of=${logics.join(", ")} />
+    ${logics.map((name) => html`<${Reset} key=${name} order=${order} of=${name} />`)}
     ${picture.has_axes && html`<${Axes} turning=${view.machine?.turning ?? false} order=${order} />`}
     <${More} names=${names} view=${view} order=${order} />
   </section>`;
@@ -35,7 +35,7 @@ function Stop({ stop, pressed, order }) {
   </div>`;
 }
 
-/** Reset as a button is: pressed as long as it is held. @param {{ order: Order, of: string }} props */
+/** Reset of a safety logic, as a button is: pressed as long as it is held. @param {{ order: Order, of: string }} props */
 function Reset({ order, of }) {
   const held = useRef("");
   // A pointer that only passes does not release what a key holds.
@@ -43,12 +43,12 @@ function Reset({ order, of }) {
     // A second press by another finger or key must not release the first one.
     if (held.current) return;
     held.current = by;
-    order.command(["press"], "Reset is pressed: outputs come on where every safe input is good. One that is held before that does not count.");
+    order.command([`press ${of}`], "Reset is pressed: outputs come on where every safe input is good. One that is held before that does not count.");
   };
   const release = (by = held.current) => {
     if (!held.current || held.current !== by) return;
     held.current = "";
-    order.command(["release"], "Reset was pressed and released: outputs are on where every safe input was good.");
+    order.command([`release ${of}`], "Reset was pressed and released: outputs are on where every safe input was good.");
   };
   const up = () => release("pointer");
   // Keys make no click here and a pointer counts its clicks: what is left comes from a screen reader.
@@ -66,7 +66,7 @@ function Reset({ order, of }) {
   return html`<div class="stop">
     <button class="reset" onPointerDown=${() => press("pointer")} onPointerUp=${up} onPointerLeave=${up}
       onPointerCancel=${up} onBlur=${() => release()} onClick=${click}
-      onContextMenu=${(/** @type {Event} */ event) => event.preventDefault()} aria-label="Reset (active while held)"
+      onContextMenu=${(/** @type {Event} */ event) => event.preventDefault()} aria-label=${`Reset of ${of} (active while held)`}
       onKeyDown=${onKey(() => press("key"))} onKeyUp=${onKey(() => release("key"))}>Reset</button>
     <span><b>Reset</b><small>of ${of}</small><small>active while held</small></span>
   </div>`;
