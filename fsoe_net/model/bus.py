@@ -203,6 +203,9 @@ class RobotComponent:
     commands: tuple[str, ...] = ()
     places: tuple[Span, ...] = field(default=(), compare=False)
 
+    def __str__(self) -> str:
+        return f"{self.kind} {self.name}"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SubDevice(Located):

@@ -18,6 +18,9 @@ CIA402_PLUGIN = "ethercat_generic_plugins/EcCiA402Drive"
 """Plugin of ethercat_driver_ros2 that runs the state machine of axis 0 itself."""
 CONTROLWORD = 0x6040
 MODE_OF_OPERATION = 0x6060
+TARGET_POSITION = 0x607A
+PLUGIN_OUTPUTS = (CONTROLWORD, MODE_OF_OPERATION, TARGET_POSITION)
+"""Outputs that `CIA402_PLUGIN` writes without a command."""
 AXIS_STEP = 0x800
 MOST_AXES = 8
 

@@ -8,17 +8,22 @@ from dataclasses import dataclass
 
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.model.bus import Device, Entry, SubDevice
-from fsoe_net.model.drives import CIA402_PLUGIN, MODE_OF_OPERATION, drive_axes
-from fsoe_net.model.drives import CONTROLWORD as _CONTROLWORD
+from fsoe_net.model.drives import (
+    CIA402_PLUGIN,
+    CONTROLWORD,
+    MODE_OF_OPERATION,
+    TARGET_POSITION,
+    drive_axes,
+)
 from fsoe_net.model.layout import Placed
 from fsoe_net.rules.context import Context
 
 _STATUSWORD = 0x6041
 _MODE_DISPLAY = 0x6061
-_TARGET_POSITION, _ACTUAL_POSITION = 0x607A, 0x6064
+_ACTUAL_POSITION = 0x6064
 # Cyclic modes: name, and the target sent in each cycle.
 _CYCLIC = {
-    8: ("cyclic synchronous position", _TARGET_POSITION),
+    8: ("cyclic synchronous position", TARGET_POSITION),
     9: ("cyclic synchronous velocity", 0x60FF),
     10: ("cyclic synchronous torque", 0x6071),
 }
@@ -70,7 +75,7 @@ def _is_fixed(entry: Entry) -> bool:
 
 def _waits_for_mode(axis: _Axis, sub: SubDevice) -> bool:
     """Whether the plugin of the driver sends neither a command nor the actual position."""
-    target = axis.outputs.get(_TARGET_POSITION)
+    target = axis.outputs.get(TARGET_POSITION)
     # The plugin runs axis 0 only.
     is_first = sub.plugin == CIA402_PLUGIN and axis.base == 0
     unread = _MODE_DISPLAY not in axis.inputs
@@ -81,8 +86,8 @@ def _feedback(ctx: Context, axis: _Axis, *, waits: bool) -> None:
     if _STATUSWORD not in axis.inputs:
         ctx.add(
             "FSN472",
-            axis.outputs[_CONTROLWORD].span,
-            f"the controlword {axis.object(_CONTROLWORD)} is written, the statusword "
+            axis.outputs[CONTROLWORD].span,
+            f"the controlword {axis.object(CONTROLWORD)} is written, the statusword "
             f"{axis.object(_STATUSWORD)} is not read: the state of the axis is unknown",
             hint=f"map {axis.object(_STATUSWORD)} in a TxPDO",
         )
@@ -111,7 +116,7 @@ def _targets(ctx: Context, axis: _Axis, sub: SubDevice, *, waits: bool) -> None:
                 "no RxPDO has it",
                 hint=f"map {axis.object(index)} in an RxPDO, or state the mode that is used",
             )
-    target = axis.outputs.get(_TARGET_POSITION)
+    target = axis.outputs.get(TARGET_POSITION)
     # Other modes do not follow a target position.
     if target is not None and (stated is None or stated[0] == 8):
         _position(ctx, axis, target, sub)
@@ -119,7 +124,7 @@ def _targets(ctx: Context, axis: _Axis, sub: SubDevice, *, waits: bool) -> None:
             ctx.add(
                 "FSN475",
                 target.span,
-                f"EcCiA402Drive writes the target position {axis.object(_TARGET_POSITION)} once it "
+                f"EcCiA402Drive writes the target position {axis.object(TARGET_POSITION)} once it "
                 f"has read the mode of operation {axis.object(_MODE_DISPLAY)}, which no TxPDO has: "
                 "the target stays 0, and the axis runs to 0 as soon as the drive is enabled",
                 hint=f"map {axis.object(_MODE_DISPLAY)} in a TxPDO",
@@ -131,7 +136,7 @@ def _position(ctx: Context, axis: _Axis, target: Entry, sub: SubDevice) -> None:
         ctx.add(
             "FSN471",
             target.span,
-            f"the target position {axis.object(_TARGET_POSITION)} is written, the actual position "
+            f"the target position {axis.object(TARGET_POSITION)} is written, the actual position "
             f"{axis.object(_ACTUAL_POSITION)} is not read: the first target cannot be where the "
             "axis stands, and it jumps",
             hint=f"map {axis.object(_ACTUAL_POSITION)} in a TxPDO; the first target is what it "
@@ -142,7 +147,7 @@ def _position(ctx: Context, axis: _Axis, target: Entry, sub: SubDevice) -> None:
         ctx.add(
             "FSN473",
             target.at("default"),
-            f"the target position {axis.object(_TARGET_POSITION)} has a fixed value: the axis goes "
+            f"the target position {axis.object(TARGET_POSITION)} has a fixed value: the axis goes "
             "there as soon as the drive is enabled, wherever it stands",
             hint="leave the default out, and let the program that moves the axis write the actual "
             "position before it enables the drive",

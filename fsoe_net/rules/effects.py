@@ -94,6 +94,8 @@ _ROS2_EFFECT = {
     "FSN429": "stops with an exception for a command on a tpdo",
     "FSN475": "never writes the target position; the axis runs to 0 when the drive is enabled",
     "FSN476": "exports the interface without connecting it",
+    "FSN481": "never writes the output",
+    "FSN482": "writes each command to all of the channels; of states the last one read remains",
     "FSN601": "starts; the FSoE watchdog expires without any fault",
 }
 

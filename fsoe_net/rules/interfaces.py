@@ -1,83 +1,143 @@
-"""FSN476: interfaces of a robot description that no channel of its SubDevices provides."""
+"""FSN476, FSN481, FSN482: interfaces of a robot description against channels of the bus."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 
-from fsoe_net.diag.diagnostic import Related, Span
+from fsoe_net.diag.diagnostic import Related, Severity, Span
 from fsoe_net.diag.guesses import guesses, one_of
-from fsoe_net.model.bus import Device, RobotComponent, SubDevice
-from fsoe_net.model.drives import CIA402_PLUGIN
+from fsoe_net.model.bus import SubDevice
+from fsoe_net.model.drives import CIA402_PLUGIN, PLUGIN_OUTPUTS
+from fsoe_net.model.robot_graph import (
+    RobotChannel,
+    ServedComponent,
+    channels_of,
+    served_components,
+)
 from fsoe_net.rules.context import Context, few
 
 _GENERIC = ("ethercat_generic_plugins/GenericEcSlave", CIA402_PLUGIN)
 _OF_DRIVES = "reset_fault"  # a command that EcCiA402Drive provides itself
 _EFFECT = {"command": "commands to it have no effect", "state": "its value is never updated"}
+_SIDES = {
+    False: ("state", "only the value of one of them is shown"),
+    True: ("command", "each of them gets every command"),
+}
 
 
 def check_interfaces(ctx: Context) -> None:
-    """Check each component that uses only generic plugins; other plugins have their own names."""
-    owners: dict[tuple[str, RobotComponent], list[SubDevice]] = {}
-    for sub in ctx.resolution.network.subdevices:
-        for component in sub.components:
-            owners.setdefault((sub.system, component), []).append(sub)
-    for (_, component), subs in owners.items():
-        devices = [s.device for s in subs if s.plugin in _GENERIC and s.device is not None]
+    """Check the graph of a robot where it consists of generic plugins; others have own names."""
+    subdevices = ctx.resolution.network.subdevices
+    meant: set[tuple[str, str]] = set()
+    for node in served_components(subdevices):
         # Only if all SubDevices of a component use generic plugins: others add their own names.
-        if len(devices) == len(subs):
-            _component(ctx, component, subs, devices)
+        if all(_is_generic(sub) for sub in node.subdevices):
+            for is_command in (False, True):
+                meant.update(_missing(ctx, node, is_command=is_command))
+                _bound_twice(ctx, node, is_command=is_command)
+    for sub in subdevices:
+        if sub.components and _is_generic(sub):
+            _unbound(ctx, sub, meant)
 
 
-def _component(
-    ctx: Context, component: RobotComponent, subs: Sequence[SubDevice], devices: Sequence[Device]
-) -> None:
-    count = len(component.states)
-    for side, names, places in (
-        ("state", component.states, component.places[:count]),
-        ("command", component.commands, component.places[count:]),
-    ):
-        provided: dict[str, Span] = {}
-        for device in devices:
-            for name, span in _provided(device, side, component.name):
-                provided.setdefault(name, span)
-        # The drive plugin provides an interface that no channel has.
-        if side == "command" and any(s.plugin == CIA402_PLUGIN for s in subs):
-            provided.setdefault(_OF_DRIVES, subs[0].span)
-        for name, place in zip(names, places, strict=True):
-            if name not in provided:
-                # Provided but not used: one of these is probably meant.
-                free = {n: s for n, s in provided.items() if n not in (*names, _OF_DRIVES)}
-                _missing(ctx, component, few([s.name for s in subs]), (side, name, place), free)
+def _is_generic(sub: SubDevice) -> bool:
+    return sub.plugin in _GENERIC and sub.device is not None
 
 
-def _provided(device: Device, side: str, component: str) -> Iterator[tuple[str, Span]]:
-    """Yield the interfaces of a side that the channels of a component have."""
-    key = f"{side}_interface"
-    for pdo in device.rpdos if side == "command" else device.tpdos:
-        for entry in pdo.entries:
-            if entry.component in ("", component):
-                for part in (entry, *entry.views):
-                    if name := getattr(part, key):
-                        yield name, part.at(key)
+def _missing(ctx: Context, node: ServedComponent, *, is_command: bool) -> Iterator[tuple[str, str]]:
+    """FSN476; yield SubDevice and name of the channels that are probably meant."""
+    channels: dict[str, RobotChannel] = {}
+    for channel in node.channels(is_command=is_command):
+        channels.setdefault(channel.name, channel)
+    provided = set(channels)
+    if is_command and any(s.plugin == CIA402_PLUGIN for s in node.subdevices):
+        provided.add(_OF_DRIVES)
+    requests = dict(node.requests(is_command=is_command))
+    # Provided but not used: one of these is probably meant.
+    free = {name: channel for name, channel in channels.items() if name not in requests}
+    for name, place in requests.items():
+        if name not in provided:
+            close = guesses(name, free)
+            side = "command" if is_command else "state"
+            _not_provided(
+                ctx,
+                node,
+                (side, name, place),
+                [free[n] for n in close or [*free][:3]],
+                is_close=bool(close),
+            )
+            yield from ((free[n].subdevice.name, n) for n in close)
 
 
-def _missing(
+def _not_provided(
     ctx: Context,
-    component: RobotComponent,
-    owner: str,
+    node: ServedComponent,
     interface: tuple[str, str, Span],
-    free: Mapping[str, Span],
+    offers: Sequence[RobotChannel],
+    *,
+    is_close: bool,
 ) -> None:
     side, name, place = interface
-    close = guesses(name, free)
     group = "rpdo" if side == "command" else "tpdo"
     ctx.add(
         "FSN476",
         place,
-        f"no channel of {owner} provides the {side}_interface {name!r} of {component.kind} "
-        f"{component.name}: {_EFFECT[side]}",
-        hint=f"write {one_of(close)}"
-        if close
+        f"no channel of {few([s.name for s in node.subdevices])} provides the {side}_interface "
+        f"{name!r} of {node}: {_EFFECT[side]}",
+        hint=f"write {one_of([c.name for c in offers])}"
+        if is_close
         else f"write {side}_interface: {name} at a channel of the {group}, or delete it here",
-        related=tuple(Related(span=free[n], message=f"provides {n}") for n in close or [*free][:3]),
+        related=tuple(Related(span=c.span, message=f"provides {c.name}") for c in offers),
     )
+
+
+def _bound_twice(ctx: Context, node: ServedComponent, *, is_command: bool) -> None:
+    """FSN482: several channels of one interface."""
+    channels: dict[str, dict[str, RobotChannel]] = {}
+    for channel in node.channels(is_command=is_command):
+        # An entry that is mapped twice is FSN408.
+        channels.setdefault(channel.name, {}).setdefault(str(channel), channel)
+    for name, _ in node.requests(is_command=is_command):
+        bound = list(channels.get(name, {}).values())
+        if len(bound) < 2:
+            continue
+        # Two drives can move one joint.
+        together = node.component.kind == "joint" and len({c.subdevice.name for c in bound}) == len(
+            bound
+        )
+        side, effect = _SIDES[is_command]
+        ctx.add(
+            "FSN482",
+            bound[1].span,
+            f"{side}_interface {name!r} of {node} is bound to {few([str(c) for c in bound])}: "
+            f"{effect}",
+            severity=Severity.INFO if together else None,
+            hint="give each channel an interface of its own"
+            + ("; fine for drives that move the joint together" if together else ""),
+            related=(Related(span=bound[0].span, message="the first channel"),),
+        )
+
+
+def _unbound(ctx: Context, sub: SubDevice, meant: set[tuple[str, str]]) -> None:
+    """FSN481: commands of channels that no component requests, and that have no default."""
+    free = [
+        channel
+        for channel in channels_of(sub, is_command=True)
+        if not any(channel.serves(c) and channel.name in c.commands for c in sub.components)
+        and (sub.name, channel.name) not in meant  # FSN476 has named it
+        and not _has_value(channel)
+    ]
+    if free:
+        ctx.add(
+            "FSN481",
+            free[0].span,
+            f"{few([str(c) for c in sub.components])} has no command_interface for "
+            f"{few([f'{c.name} ({c})' for c in free])}: nothing writes it, and it stays 0",
+            hint="add the command_interface to the robot description, or state a default here",
+        )
+
+
+def _has_value(channel: RobotChannel) -> bool:
+    """Whether the driver writes the output without a command."""
+    by_plugin = channel.subdevice.plugin == CIA402_PLUGIN
+    return channel.part.default is not None or (by_plugin and channel.entry.index in PLUGIN_OUTPUTS)

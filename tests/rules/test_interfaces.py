@@ -1,4 +1,4 @@
-"""FSN476: interfaces of a robot that no channel of its SubDevices provides."""
+"""FSN476, FSN481, FSN482: interfaces of a robot and the channels of its SubDevices."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from fsoe_net.diag.diagnostic import Diagnostic, Severity
 from fsoe_net.project.check import check_files
 
 GENERIC = "ethercat_generic_plugins/GenericEcSlave"
@@ -49,6 +50,37 @@ tpdo:
     channels:
       - {index: 0x6000, sub_index: 1, type: int32, state_interface: speed}
 """,
+    "targets.yaml": """\
+vendor_id: 2
+product_id: 3
+rpdo:
+  - index: 0x1600
+    channels:
+      - {index: 0x6040, sub_index: 0, type: uint16, command_interface: control}
+      - {index: 0x607a, sub_index: 0, type: int32, command_interface: position}
+      - {index: 0x60ff, sub_index: 0, type: int32, command_interface: speed, default: .nan}
+      - {index: 0x6071, sub_index: 0, type: int16, command_interface: effort, default: 0}
+tpdo:
+  - index: 0x1a00
+    channels:
+      - {index: 0x6041, sub_index: 0, type: uint16}
+      - {index: 0x6064, sub_index: 0, type: int32, state_interface: position}
+      - {index: 0x6061, sub_index: 0, type: int8}
+""",
+    "alike.yaml": """\
+vendor_id: 2
+product_id: 3
+rpdo:
+  - index: 0x1600
+    channels:
+      - {index: 0x7000, sub_index: 1, type: int32, command_interface: speed}
+      - {index: 0x7010, sub_index: 1, type: int32, command_interface: speed}
+tpdo:
+  - index: 0x1a00
+    channels:
+      - {index: 0x6000, sub_index: 1, type: int32, state_interface: speed}
+      - {index: 0x6010, sub_index: 1, type: int32, state_interface: speed}
+""",
     "bits.yaml": """\
 vendor_id: 2
 product_id: 3
@@ -86,21 +118,27 @@ def component(
 NAMES = ("position", "effort", "low", "high", "speed")
 
 
-def found(tmp_path: Path, components: str) -> list[tuple[int, list[str], list[str]]]:
+def found(
+    tmp_path: Path, components: str, code: str = "FSN476"
+) -> list[tuple[int, list[str], list[str]]]:
     """Return line, names in the hint and further files of each finding."""
-    for name, text in FILES.items():
-        (tmp_path / name).write_text(text, "utf-8")
-    path = tmp_path / "r.urdf"
-    path.write_text(ROBOT.format(components=components), "utf-8")
     return [
         (
             d.span.line,
             [word for word in NAMES if word in (d.hint or "").split()],
             [Path(r.span.file).name for r in d.related],
         )
-        for d in check_files([str(path)]).diagnostics
-        if d.code == "FSN476"
+        for d in findings(tmp_path, components)
+        if d.code == code
     ]
+
+
+def findings(tmp_path: Path, components: str) -> list[Diagnostic]:
+    for name, text in FILES.items():
+        (tmp_path / name).write_text(text, "utf-8")
+    path = tmp_path / "r.urdf"
+    path.write_text(ROBOT.format(components=components), "utf-8")
+    return list(check_files([str(path)]).diagnostics)
 
 
 ACCEPTED = {
@@ -153,3 +191,69 @@ def test_channels_for_another_joint_do_not_count(tmp_path: Path):
     both = component(module("two.yaml", name="m"), states="speed", commands="speed")
     both += component(module("two.yaml", name="m"), states="speed", commands="speed", name="b")
     assert [line for line, *_ in found(tmp_path, both)] == [4, 11]
+
+
+def test_commands_that_nothing_writes_are_named_once_for_a_subdevice(tmp_path: Path):
+    assert [row[0] for row in found(tmp_path, component(module("targets.yaml")), "FSN481")] == [6]
+    with_speed = component(module("targets.yaml"), commands="control speed")
+    assert [row[0] for row in found(tmp_path, with_speed, "FSN481")] == [7]
+
+
+def test_outputs_of_the_drive_plugin_need_no_command(tmp_path: Path):
+    rows = found(tmp_path, component(module("targets.yaml", plugin=DRIVE)), "FSN481")
+    assert [line for line, *_ in rows] == [8]
+
+
+UNBOUND = {
+    "all have a command or a default": component(
+        module("targets.yaml"), commands="control position speed"
+    ),
+    "another plugin has names of its own": component(module("targets.yaml", plugin=VENDOR)),
+    "a misspelt command is named once": component(
+        module("targets.yaml"), commands="control position sped"
+    ),
+    "a command of the other joint": component(module("two.yaml", name="m"), commands="speed")
+    + component(module("two.yaml", name="m"), name="b"),
+}
+
+
+@pytest.mark.parametrize("name", UNBOUND)
+def test_outputs_with_a_value_are_accepted(name: str, tmp_path: Path):
+    assert found(tmp_path, UNBOUND[name], "FSN481") == []
+
+
+def test_a_channel_for_a_joint_that_does_not_request_it_has_no_command(tmp_path: Path):
+    both = component(module("two.yaml", name="m"), name="a")
+    both += component(module("two.yaml", name="m"), commands="speed", name="b")
+    assert [line for line, *_ in found(tmp_path, both, "FSN481")] == [7]
+
+
+def test_an_interface_of_several_channels_is_named_at_the_second(tmp_path: Path):
+    row = component(module("alike.yaml"), commands="speed", states="speed")
+    assert found(tmp_path, row, "FSN482") == [(7, [], ["alike.yaml"]), (12, [], ["alike.yaml"])]
+
+
+PAIRS = {"joint": Severity.INFO, "gpio": Severity.WARNING}
+
+
+@pytest.mark.parametrize("kind", PAIRS)
+def test_two_drives_can_move_one_joint(kind: str, tmp_path: Path):
+    pair = component(module("axis.yaml") + module("axis.yaml", 1), states="position", kind=kind)
+    rows = [d for d in findings(tmp_path, pair) if d.code == "FSN482"]
+    assert [(d.level, d.span.line) for d in rows] == [(PAIRS[kind], 11)]
+
+
+BOUND_ONCE = {
+    "nothing requests it": component(module("alike.yaml")),
+    "one channel of each side": component(
+        module("axis.yaml"), states="position", commands="position"
+    ),
+    "bits of one channel": component(module("bits.yaml"), states="low high", kind="sensor"),
+    "each joint its own": component(module("two.yaml", name="m"), commands="speed")
+    + component(module("two.yaml", name="m"), states="speed", name="b"),
+}
+
+
+@pytest.mark.parametrize("name", BOUND_ONCE)
+def test_interfaces_of_one_channel_are_accepted(name: str, tmp_path: Path):
+    assert found(tmp_path, BOUND_ONCE[name], "FSN482") == []
