@@ -203,6 +203,7 @@ FSN479 info    command interface that two controllers claim
 FSN480 info    controllers whose interfaces are not checked
 FSN481 info    command of a channel that the robot does not have
 FSN482 warning interface that several channels have
+FSN483 error   several hardware or plugin tags in a ros2_control block
 FSN501 error   SubDevice is missing on the bus
 FSN502 warning SubDevice on the bus that is not in the network
 FSN503 error   SubDevices on the bus are in another order

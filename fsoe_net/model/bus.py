@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import enum
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -205,6 +205,12 @@ class RobotComponent:
 
     def __str__(self) -> str:
         return f"{self.kind} {self.name}"
+
+    def interfaces(self) -> Iterator[tuple[bool, str, Span]]:
+        """Yield for each interface whether it is a command, its name and its place."""
+        sides = [(False, name) for name in self.states] + [(True, name) for name in self.commands]
+        for (is_command, name), place in zip(sides, self.places, strict=True):
+            yield is_command, name, place
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

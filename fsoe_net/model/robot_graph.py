@@ -48,10 +48,9 @@ class ServedComponent:
 
     def requests(self, *, is_command: bool) -> Iterator[tuple[str, Span]]:
         """Yield the interfaces of one side that the robot description has, with their places."""
-        count = len(self.component.states)
-        places = self.component.places[count:] if is_command else self.component.places[:count]
-        names = self.component.commands if is_command else self.component.states
-        yield from zip(names, places, strict=True)
+        for side, name, place in self.component.interfaces():
+            if side is is_command:
+                yield name, place
 
     def channels(self, *, is_command: bool) -> Iterator[RobotChannel]:
         """Yield the channels of one side that serve it."""

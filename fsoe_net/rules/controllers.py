@@ -52,10 +52,8 @@ def _missing(ctx: Context, robot: Robot) -> None:
 
 def _offered(robot: Robot) -> Iterator[tuple[tuple[bool, str], Span]]:
     for component in robot.components:
-        count = len(component.states)
-        names = (*component.states, *component.commands)
-        for number, (name, span) in enumerate(zip(names, component.places, strict=True)):
-            yield (number >= count, f"{component.name}/{name}"), span
+        for is_command, name, span in component.interfaces():
+            yield (is_command, f"{component.name}/{name}"), span
 
 
 def _not_offered(

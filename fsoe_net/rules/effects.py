@@ -96,6 +96,7 @@ _ROS2_EFFECT = {
     "FSN476": "exports the interface without connecting it",
     "FSN481": "never writes the output",
     "FSN482": "writes each command to all of the channels; of states the last one read remains",
+    "FSN483": "never sees the other tags",
     "FSN601": "starts; the FSoE watchdog expires without any fault",
 }
 

@@ -132,6 +132,36 @@ CASES = {
 }
 
 
+CASES |= {
+    "two hardware tags": (
+        HARDWARE_END,
+        f"</hardware>\n<hardware><plugin>{PLUGIN}</plugin>\n{HARDWARE_END}",
+        "FSN483",
+        E,
+        "4:5",
+        "keep one",
+    ),
+    "two driver plugins": (
+        f"<plugin>{PLUGIN}</plugin>",
+        f"<plugin>{PLUGIN}</plugin>\n<plugin>mock_components/GenericSystem</plugin>",
+        "FSN483",
+        E,
+        "6:1",
+        "keep one",
+    ),
+    "an interface of a mock as well": (
+        "</robot>",
+        "<ros2_control name='m'><hardware><plugin>mock_components/GenericSystem</plugin>\n"
+        "</hardware><joint name='axis'>\n<state_interface name='torque'/>\n"
+        "<command_interface name='position'/></joint></ros2_control></robot>",
+        "FSN128",
+        E,
+        "51:1",
+        "in one ros2_control block",
+    ),
+}
+
+
 @pytest.mark.parametrize("name", CASES)
 def test_one_mistake_is_one_finding_at_its_place(name: str, tmp_path: Path):
     find, put, code, severity, place, hint = CASES[name]
@@ -262,3 +292,20 @@ def test_a_flag_in_other_words_is_found_and_taken_as_meant(
     assert found.message == f"required is {text!r}; allowed are true and false"
     (system,) = load_urdf(tmp_path / "robot.urdf").systems
     assert [m.required for m in system.modules if m.name == "input"] == [required]
+
+
+def test_of_several_hardware_tags_the_last_counts(tmp_path: Path):
+    mock = "<hardware><plugin>mock_components/GenericSystem</plugin></hardware>"
+    text = BASE.replace("    <sensor", f"{mock}<sensor", 1)
+    path = tmp_path / "robot.urdf"
+    path.write_text(text, "utf-8")
+    (system,) = load_urdf(path).systems
+    assert system.plugin == "mock_components/GenericSystem"
+
+
+def test_other_hardware_of_a_joint_can_have_other_interfaces(tmp_path: Path):
+    other = (
+        "<ros2_control name='m'><hardware><plugin>my/Sensor</plugin></hardware>"
+        "<joint name='axis'><state_interface name='torque'/></joint></ros2_control></robot>"
+    )
+    assert "FSN128" not in [d.code for d in _check(tmp_path, BASE.replace("</robot>", other))]

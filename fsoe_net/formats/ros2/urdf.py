@@ -7,7 +7,7 @@ import os
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from fsoe_net.diag.diagnostic import Diagnostic, Related
+from fsoe_net.diag.diagnostic import Diagnostic, Related, Span
 from fsoe_net.diag.words import listed
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.formats.recognise import refuse_known
@@ -65,6 +65,7 @@ def load_urdf(path: str | os.PathLike[str], options: LoadOptions | None = None) 
         if not blocks:
             _without_driver(written, out)
         _component_names(blocks, out)
+        _offered_twice(blocks, [b for b in all_blocks if not _is_ethercat(b)], out)
         _modules_outside(blocks, out)
         systems = _with_master_numbers([read_system(block, out) for block in blocks])
     return UrdfResult(
@@ -176,3 +177,32 @@ def _component_names(blocks: list[Element], out: Collector) -> None:
                 hint="give each component a name of its own",
                 related=(Related(span=first.span, message="the other one"),),
             )
+
+
+def _offered_twice(blocks: list[Element], others: list[Element], out: Collector) -> None:
+    """FSN128: an interface of the driver that other hardware has as well."""
+    own = {key: place for block in blocks for key, place in _interfaces(block)}
+    for other in others:
+        plugin = plugin_of(other)
+        owner = "another block" if plugin is None else plugin.text.strip()[:60]
+        reported: set[str] = set()
+        for key, place in _interfaces(other):
+            is_command, component, name = key
+            if key not in own or component in reported:
+                continue
+            reported.add(component)
+            out.add(
+                "FSN128",
+                place,
+                f"{'command' if is_command else 'state'}_interface {component}/{name} belongs to "
+                f"the EtherCAT driver and to {owner}: only one hardware can have it",
+                hint="keep the component in one ros2_control block",
+                related=(Related(span=own[key], message="the EtherCAT driver"),),
+            )
+
+
+def _interfaces(block: Element) -> Iterator[tuple[tuple[bool, str, str], Span]]:
+    for element in (e for e in block.children if e.name in COMPONENTS):
+        component = robot_component(element)
+        for is_command, name, place in component.interfaces():
+            yield (is_command, component.name, name), place

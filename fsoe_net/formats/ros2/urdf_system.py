@@ -88,9 +88,14 @@ class DriverSystem(Located):
     modules: tuple[ModuleDecl, ...]
 
 
+def _hardware_of(block: Element) -> Element | None:
+    """Return the tag that ros2_control uses: of several the last."""
+    return next(reversed(block.all("hardware")), None)
+
+
 def plugin_of(block: Element) -> Element | None:
     """Return the plugin tag of a block, or ``None`` if it is missing or empty."""
-    hardware = block.first("hardware")
+    hardware = _hardware_of(block)
     plugin = hardware.first("plugin") if hardware is not None else None
     return plugin if plugin is not None and plugin.text.strip() else None
 
@@ -109,7 +114,9 @@ class _System:
 
     def read(self) -> DriverSystem:
         block, out = self._block, self._out
-        hardware = block.first("hardware")
+        hardware = _hardware_of(block)
+        _single(block.all("hardware"), out)
+        _single(hardware.all("plugin") if hardware is not None else [], out)
         params = read_params(hardware if hardware is not None else block, _SYSTEM_PARAMS, out)
         fields = params.places() | {"name": block.span}
         plugin = self._driver_plugin(hardware)
@@ -253,6 +260,21 @@ def _names_its_master(params: Params) -> bool:
     """Whether a plugin reads ``master_id`` as a text; that of the IgH master reads a number."""
     plugin = params.text("master_plugin")
     return plugin is not None and plugin != _IGH_MASTER and params.text("master_id") is not None
+
+
+def _single(tags: list[Element], out: Collector) -> None:
+    """FSN483: ros2_control uses the last hardware of a block, and the first plugin of that."""
+    if len(tags) < 2:
+        return
+    used, which = (tags[-1], "last") if tags[0].name == "hardware" else (tags[0], "first")
+    unused = next(tag for tag in tags if tag is not used)
+    out.add(
+        "FSN483",
+        unused.span,
+        f"{len(tags)} <{used.name}> in one ros2_control block: ros2_control uses the {which}",
+        hint="keep one of them, or choose with an argument of the xacro",
+        related=(Related(span=used.span, message=f"the <{used.name}> that is used"),),
+    )
 
 
 def _of_several_components(modules: list[ModuleDecl]) -> list[ModuleDecl]:
