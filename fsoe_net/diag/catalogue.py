@@ -195,7 +195,7 @@ FSN471 warning target position without the actual position
 FSN472 warning controlword without the statusword
 FSN473 warning fixed target position
 FSN474 warning mode of operation that is not read back
-FSN475 error   drive plugin waits for a mode of operation that is not read
+FSN475 error   drive plugin that does not read where the axis is
 FSN476 warning interface of a robot that no channel provides
 FSN477 warning interface that a controller needs and the robot lacks
 FSN478 warning update rate that differs from the control frequency
@@ -204,6 +204,8 @@ FSN480 info    controllers whose interfaces are not checked
 FSN481 info    command of a channel that the robot does not have
 FSN482 warning interface that several channels have
 FSN483 error   several hardware or plugin tags in a ros2_control block
+FSN484 error   drive plugin without controlword or statusword
+FSN485 warning mode of operation that nothing sends
 FSN501 error   SubDevice is missing on the bus
 FSN502 warning SubDevice on the bus that is not in the network
 FSN503 error   SubDevices on the bus are in another order

@@ -16,6 +16,8 @@ from fsoe_net.model.layout import DeviceLayout, Placed
 
 CIA402_PLUGIN = "ethercat_generic_plugins/EcCiA402Drive"
 """Plugin of ethercat_driver_ros2 that runs the state machine of axis 0 itself."""
+GENERIC_PLUGINS = ("ethercat_generic_plugins/GenericEcSlave", CIA402_PLUGIN)
+"""Plugins that connect interfaces by the names in a slave YAML."""
 CONTROLWORD = 0x6040
 MODE_OF_OPERATION = 0x6060
 TARGET_POSITION = 0x607A

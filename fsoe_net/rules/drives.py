@@ -1,4 +1,4 @@
-"""FSN470 … FSN475: process data of drives by CiA 402 (IEC 61800-7-201, ETG.6010)."""
+"""FSN470 … FSN475, FSN484, FSN485: drives by CiA 402 (IEC 61800-7-201, ETG.6010)."""
 
 from __future__ import annotations
 
@@ -6,11 +6,12 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from fsoe_net.diag.diagnostic import Span
+from fsoe_net.diag.diagnostic import Severity, Span
 from fsoe_net.model.bus import Device, Entry, SubDevice
 from fsoe_net.model.drives import (
     CIA402_PLUGIN,
     CONTROLWORD,
+    GENERIC_PLUGINS,
     MODE_OF_OPERATION,
     TARGET_POSITION,
     drive_axes,
@@ -57,11 +58,20 @@ class _Axis:
 def check_drives(ctx: Context) -> None:
     """Check each device type that has axes once."""
     for _, device, sub in ctx.devices():
-        for found in drive_axes(device.layout):
-            axis = _Axis(device, found.base, _entries(found.outputs), _entries(found.inputs))
-            waits = _waits_for_mode(axis, sub)
-            _feedback(ctx, axis, waits=waits)
-            _targets(ctx, axis, sub, waits=waits)
+        axes = [
+            _Axis(device, found.base, _entries(found.outputs), _entries(found.inputs))
+            for found in drive_axes(device.layout)
+        ]
+        # A PDO without channels can have any object.
+        known = all(sm.complete for sm in device.layout.managers)
+        if sub.plugin == CIA402_PLUGIN and known and not axes:
+            _never_enabled(ctx, sub, CONTROLWORD)
+        for axis in axes:
+            # The plugin runs axis 0 only.
+            by_plugin = sub.plugin == CIA402_PLUGIN and known and axis.base == 0
+            _state(ctx, axis, sub, by_plugin=by_plugin)
+            _mode(ctx, axis, sub, by_plugin=by_plugin)
+            _targets(ctx, axis, by_plugin=by_plugin)
 
 
 def _entries(placed: Mapping[int, tuple[int, Placed]]) -> dict[int, Entry]:
@@ -73,37 +83,84 @@ def _is_fixed(entry: Entry) -> bool:
     return entry.default is not None and math.isfinite(entry.default)
 
 
-def _waits_for_mode(axis: _Axis, sub: SubDevice) -> bool:
-    """Whether the plugin of the driver sends neither a command nor the actual position."""
+def _unread(axis: _Axis) -> list[int]:
+    """Return the inputs that the plugin needs to send the actual position as target."""
     target = axis.outputs.get(TARGET_POSITION)
-    # The plugin runs axis 0 only.
-    is_first = sub.plugin == CIA402_PLUGIN and axis.base == 0
-    unread = _MODE_DISPLAY not in axis.inputs
-    return is_first and unread and target is not None and not _is_fixed(target)
+    missing = [i for i in (_MODE_DISPLAY, _ACTUAL_POSITION) if i not in axis.inputs]
+    # Without a mode, a fixed target is sent.
+    if target is None or (_is_fixed(target) and _MODE_DISPLAY in missing):
+        return []
+    return missing
 
 
-def _feedback(ctx: Context, axis: _Axis, *, waits: bool) -> None:
-    if _STATUSWORD not in axis.inputs:
-        ctx.add(
-            "FSN472",
-            axis.outputs[CONTROLWORD].span,
-            f"the controlword {axis.object(CONTROLWORD)} is written, the statusword "
-            f"{axis.object(_STATUSWORD)} is not read: the state of the axis is unknown",
-            hint=f"map {axis.object(_STATUSWORD)} in a TxPDO",
-        )
-    if MODE_OF_OPERATION in axis.outputs and _MODE_DISPLAY not in axis.inputs and not waits:
+def _state(ctx: Context, axis: _Axis, sub: SubDevice, *, by_plugin: bool) -> None:
+    if _STATUSWORD in axis.inputs:
+        return
+    if by_plugin:
+        _never_enabled(ctx, sub, _STATUSWORD)
+        return
+    ctx.add(
+        "FSN472",
+        axis.outputs[CONTROLWORD].span,
+        f"the controlword {axis.object(CONTROLWORD)} is written, the statusword "
+        f"{axis.object(_STATUSWORD)} is not read: the state of the axis is unknown",
+        hint=f"map {axis.object(_STATUSWORD)} in a TxPDO",
+    )
+
+
+def _never_enabled(ctx: Context, sub: SubDevice, missing: int) -> None:
+    ctx.add(
+        "FSN484",
+        sub.at("plugin"),
+        f"EcCiA402Drive needs the controlword 0x6040 and the statusword 0x6041; {sub.name} does "
+        f"not map 0x{missing:04x}: the drive is never enabled, and the driver waits for it",
+        hint=f"map 0x{missing:04x}, or use GenericEcSlave for a device that is not a drive",
+    )
+
+
+def _mode(ctx: Context, axis: _Axis, sub: SubDevice, *, by_plugin: bool) -> None:
+    entry = axis.outputs.get(MODE_OF_OPERATION)
+    if entry is None:
+        stated = "mode_of_operation" in sub.fields and axis.mode() is None
+        if by_plugin and stated:
+            ctx.add(
+                "FSN485",
+                sub.at("mode_of_operation"),
+                f"{sub.name} maps no mode of operation 0x6060: this mode is not sent, and the "
+                "drive keeps its own",
+                severity=Severity.INFO,
+                hint="map 0x6060 in an RxPDO, or write it with a start-up SDO",
+            )
+        return
+    waits = by_plugin and _MODE_DISPLAY in _unread(axis)
+    if _MODE_DISPLAY not in axis.inputs and not waits:
         ctx.add(
             "FSN474",
-            axis.outputs[MODE_OF_OPERATION].span,
+            entry.span,
             f"the mode of operation {axis.object(MODE_OF_OPERATION)} is written, "
             f"{axis.object(_MODE_DISPLAY)} is not read: whether the drive has accepted it "
             "is unknown",
             hint=f"map {axis.object(_MODE_DISPLAY)} in a TxPDO; enable the drive when it shows the "
             "mode",
         )
+    if _is_idle(entry, sub):
+        ctx.add(
+            "FSN485",
+            entry.span,
+            f"nothing writes the mode of operation {entry.address}: mode 0, no mode, is sent in "
+            "each cycle",
+            hint="state the mode as default, such as 8 for cyclic synchronous position",
+        )
 
 
-def _targets(ctx: Context, axis: _Axis, sub: SubDevice, *, waits: bool) -> None:
+def _is_idle(entry: Entry, sub: SubDevice) -> bool:
+    """Whether the driver leaves an output of a robot at 0: no default, and no command for it."""
+    commands = {name for c in sub.components for name in c.commands}
+    is_driver = bool(sub.components) and sub.plugin in GENERIC_PLUGINS
+    return is_driver and not entry.default and entry.command_interface not in commands
+
+
+def _targets(ctx: Context, axis: _Axis, *, by_plugin: bool) -> None:
     stated = axis.mode()
     if stated is not None and stated[0] in _CYCLIC:
         mode, span = stated
@@ -119,20 +176,22 @@ def _targets(ctx: Context, axis: _Axis, sub: SubDevice, *, waits: bool) -> None:
     target = axis.outputs.get(TARGET_POSITION)
     # Other modes do not follow a target position.
     if target is not None and (stated is None or stated[0] == 8):
-        _position(ctx, axis, target, sub)
-        if waits:
+        unread = _unread(axis) if by_plugin else []
+        if unread:
+            names = " and ".join(axis.object(i) for i in unread)
             ctx.add(
                 "FSN475",
                 target.span,
-                f"EcCiA402Drive writes the target position {axis.object(TARGET_POSITION)} once it "
-                f"has read the mode of operation {axis.object(_MODE_DISPLAY)}, which no TxPDO has: "
-                "the target stays 0, and the axis runs to 0 as soon as the drive is enabled",
-                hint=f"map {axis.object(_MODE_DISPLAY)} in a TxPDO",
+                f"EcCiA402Drive sends the actual position 0x6064 as target position 0x607a, once "
+                f"it has read a mode from 0x6061; without {names} in a TxPDO the target stays 0, and "
+                "the axis runs to 0 as soon as the drive is enabled",
+                hint=f"map {names} in a TxPDO",
             )
+        _position(ctx, axis, target, by_plugin=by_plugin)
 
 
-def _position(ctx: Context, axis: _Axis, target: Entry, sub: SubDevice) -> None:
-    if _ACTUAL_POSITION not in axis.inputs:
+def _position(ctx: Context, axis: _Axis, target: Entry, *, by_plugin: bool) -> None:
+    if _ACTUAL_POSITION not in axis.inputs and not by_plugin:
         ctx.add(
             "FSN471",
             target.span,
@@ -142,7 +201,7 @@ def _position(ctx: Context, axis: _Axis, target: Entry, sub: SubDevice) -> None:
             hint=f"map {axis.object(_ACTUAL_POSITION)} in a TxPDO; the first target is what it "
             "shows",
         )
-    sends_actual = sub.plugin == CIA402_PLUGIN and _MODE_DISPLAY in axis.inputs
+    sends_actual = by_plugin and _MODE_DISPLAY in axis.inputs
     if _is_fixed(target) and not sends_actual:
         ctx.add(
             "FSN473",

@@ -97,6 +97,8 @@ _ROS2_EFFECT = {
     "FSN481": "never writes the output",
     "FSN482": "writes each command to all of the channels; of states the last one read remains",
     "FSN483": "never sees the other tags",
+    "FSN484": "waits without end at its start, and moves no other axis meanwhile",
+    "FSN485": "sends no mode of operation, or mode 0",
     "FSN601": "starts; the FSoE watchdog expires without any fault",
 }
 
@@ -113,6 +115,7 @@ _VERSION_EFFECT: dict[Runtime, dict[str, str]] = {
     Runtime.ROS2_NEWEST: {
         "FSN132": "reads the file and logs a warning",
         "FSN123": "logs an error and does not start",
+        "FSN484": "does not start: it gives up after readiness_timeout_s",
         "FSN230": "leaves the module out when it is absent, then " + _CRASH,
     },
 }

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from fsoe_net.diag.diagnostic import Related, Severity, Span
 from fsoe_net.diag.guesses import guesses, one_of
 from fsoe_net.model.bus import SubDevice
-from fsoe_net.model.drives import CIA402_PLUGIN, PLUGIN_OUTPUTS
+from fsoe_net.model.drives import CIA402_PLUGIN, GENERIC_PLUGINS, PLUGIN_OUTPUTS
 from fsoe_net.model.robot_graph import (
     RobotChannel,
     ServedComponent,
@@ -16,7 +16,6 @@ from fsoe_net.model.robot_graph import (
 )
 from fsoe_net.rules.context import Context, few
 
-_GENERIC = ("ethercat_generic_plugins/GenericEcSlave", CIA402_PLUGIN)
 _OF_DRIVES = "reset_fault"  # a command that EcCiA402Drive provides itself
 _EFFECT = {"command": "commands to it have no effect", "state": "its value is never updated"}
 _SIDES = {
@@ -41,7 +40,7 @@ def check_interfaces(ctx: Context) -> None:
 
 
 def _is_generic(sub: SubDevice) -> bool:
-    return sub.plugin in _GENERIC and sub.device is not None
+    return sub.plugin in GENERIC_PLUGINS and sub.device is not None
 
 
 def _missing(ctx: Context, node: ServedComponent, *, is_command: bool) -> Iterator[tuple[str, str]]:

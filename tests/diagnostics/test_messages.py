@@ -97,7 +97,6 @@ NOT_SHOWN = {
     " is at position {}, at position {} in ",
     "; as vendors print it, {} ms would be left",
     "; no slot of {} fits that",
-    "cyclic synchronous position",
     "leave it as it is",
     "list the PDOs of both directions in one order, or ",
     "name the safety terminal on the bus that holds the MainInstance",

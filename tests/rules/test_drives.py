@@ -29,9 +29,17 @@ def start_up(value: int, index: str = "0x6060") -> list[str]:
     return [DRIVE, SDO, SDO + row]
 
 
+def mapped_mode(keys: str) -> list[str]:
+    return [DRIVE, TARGET, TARGET + MODE.replace(", %s", keys) + PAD]
+
+
 HIDDEN = [DRIVE, SHOWN, ""]
 GENERIC = ["robot.urdf", PLUGIN, "ethercat_generic_plugins/GenericEcSlave"]
 NO_ACTUAL = [DRIVE, "0x6064, sub_index: 0", "0x606c, sub_index: 0"]
+NO_STATUS = [DRIVE, "0x6041, sub_index: 0", "0x603f, sub_index: 0"]
+ROBOT = "robot.urdf"
+COMMAND = '<command_interface name="position"/>'
+NO_MODE = [ROBOT, '<param name="mode_of_operation">8</param>', ""]
 FIXED = [DRIVE, TARGET, "type: int32, default: 5, command_interface: position}"]
 NOT_A_NUMBER = [DRIVE, TARGET, "type: int32, default: .nan, command_interface: position}"]
 SECOND = [
@@ -82,7 +90,36 @@ CASES = {
     "the second axis": (SECOND, []),
     "a mode of the second axis": ([*SECOND, start_up(9, "0x6860")], ["FSN470"]),
     "a mode of an axis that is not there": ([start_up(9, "0x7060")], []),
-    "an output of a terminal": ([[DRIVE, "0x6040, sub_index: 0", "0x7040, sub_index: 0"]], []),
+    "an output of a terminal": (
+        [[DRIVE, "0x6040, sub_index: 0", "0x7040, sub_index: 0"], GENERIC],
+        [],
+    ),
+    "the plugin has no controlword": (
+        [[DRIVE, "0x6040, sub_index: 0", "0x7040, sub_index: 0"]],
+        ["FSN484"],
+    ),
+    "the plugin reads no statusword": ([NO_STATUS], ["FSN484"]),
+    "another plugin reads no statusword": ([NO_STATUS, GENERIC], ["FSN472"]),
+    "the plugin does not read where the axis is": ([NO_ACTUAL], ["FSN475"]),
+    "another plugin does not read where the axis is": ([NO_ACTUAL, GENERIC], ["FSN471"]),
+    "a PDO without channels can have each object": (
+        [NO_STATUS, NO_ACTUAL, [DRIVE, "tpdo:\n", "tpdo:\n  - {index: 0x1a01}\n"]],
+        ["FSN472", "FSN471", "FSN406"],
+    ),
+    "nothing writes the mode": ([NO_MODE, mapped_mode("")], ["FSN485"]),
+    "no joint has the command for the mode": (
+        [NO_MODE, mapped_mode(", command_interface: mode, default: 0")],
+        ["FSN485"],
+    ),
+    "a joint has the command for the mode": (
+        [
+            NO_MODE,
+            mapped_mode(", command_interface: mode"),
+            [ROBOT, COMMAND, COMMAND + '<command_interface name="mode"/>'],
+        ],
+        [],
+    ),
+    "nothing but the plugin writes the mode": ([mapped_mode("")], []),
     "the second axis does not say where it is": (
         [*SECOND, [DRIVE, "0x6864", "0x686c"], [DRIVE, "0x6841", "0x683f"]],
         ["FSN472", "FSN471"],
@@ -99,3 +136,24 @@ def test_findings_in_a_drive(name: str, tmp_path: Path, monkeypatch: pytest.Monk
     monkeypatch.chdir(folder)
     rows = cases.findings({"check": ["robot.urdf"]})
     assert [d.code for d in rows if d.level is not Severity.INFO] == wanted, rows
+
+
+NOTED = {
+    "the mode of the URDF is not mapped": ([], ["robot.urdf:24:41"]),
+    "a start-up SDO sends it": ([start_up(8)], []),
+    "the URDF states none": ([NO_MODE], []),
+    "another plugin": ([GENERIC], []),
+}
+
+
+@pytest.mark.parametrize("name", NOTED)
+def test_a_mode_that_is_not_mapped_is_a_note(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    edits, places = NOTED[name]
+    folder = tmp_path / "case"
+    shutil.copytree(cases.HERE / "base", folder)
+    cases._seed(folder, {"edit": edits})
+    monkeypatch.chdir(folder)
+    rows = [d for d in cases.findings({"check": ["robot.urdf"]}) if d.code == "FSN485"]
+    assert [(str(d.span), d.level) for d in rows] == [(p, Severity.INFO) for p in places]
