@@ -206,6 +206,9 @@ FSN482 warning interface that several channels have
 FSN483 error   several hardware or plugin tags in a ros2_control block
 FSN484 error   drive plugin without controlword or statusword
 FSN485 warning mode of operation that nothing sends
+FSN486 error   command and state of a drive count in opposite directions
+FSN487 warning factor is 0, or command and state are not scaled inversely
+FSN488 warning cycle time of a drive that differs from the bus cycle
 FSN501 error   SubDevice is missing on the bus
 FSN502 warning SubDevice on the bus that is not in the network
 FSN503 error   SubDevices on the bus are in another order

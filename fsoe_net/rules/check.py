@@ -9,6 +9,7 @@ from fsoe_net.rules.bus import check_bus
 from fsoe_net.rules.connections import check_connections, check_drivers
 from fsoe_net.rules.context import Context
 from fsoe_net.rules.controllers import check_controllers
+from fsoe_net.rules.cycle_times import check_cycle_times
 from fsoe_net.rules.devices import check_devices
 from fsoe_net.rules.drives import check_drives
 from fsoe_net.rules.frames import check_frames
@@ -17,6 +18,7 @@ from fsoe_net.rules.groups import check_groups
 from fsoe_net.rules.interfaces import check_interfaces
 from fsoe_net.rules.nets import check_nets
 from fsoe_net.rules.runtime import Runtime, check_runtime
+from fsoe_net.rules.scaling import check_scaling
 from fsoe_net.rules.transfer_ends import check_ends
 
 
@@ -32,6 +34,8 @@ def check(resolution: Resolution, *, runtime: Runtime = Runtime.FSN) -> list[Dia
     # The order matters: a mistake is reported at its origin, and not again by later rules.
     check_devices(ctx)
     check_drives(ctx)
+    check_scaling(ctx)
+    check_cycle_times(ctx)
     check_interfaces(ctx)
     check_controllers(ctx)
     check_bus(ctx)

@@ -1,4 +1,4 @@
-"""FSN477 to FSN480: interfaces that controllers need against those that the robot offers."""
+"""FSN477, FSN479, FSN480: interfaces that controllers need against those that the robot offers."""
 
 from __future__ import annotations
 
@@ -9,8 +9,6 @@ from fsoe_net.diag.guesses import guesses, one_of
 from fsoe_net.model.robot import Controller, InterfaceUse, Robot
 from fsoe_net.rules.context import Context, few
 
-_SAME_RATE = 0.01  # relative: a rate is often the rounded inverse of a cycle time
-
 
 def check_controllers(ctx: Context) -> None:
     """Check the controllers of a robot, if files with them were given."""
@@ -19,7 +17,6 @@ def check_controllers(ctx: Context) -> None:
         return
     _missing(ctx, robot)
     _claimed_twice(ctx, robot)
-    _rates(ctx, robot)
     unchecked = [c for c in robot.controllers if not c.is_checked]
     if unchecked:
         ctx.add(
@@ -104,28 +101,4 @@ def _claimed_twice(ctx: Context, robot: Robot) -> None:
                 "of them can be active",
                 hint="fine for alternatives; else give each its own joints",
                 related=(Related(span=place.span, message=f"claimed by {other.name}"),),
-            )
-
-
-def _rates(ctx: Context, robot: Robot) -> None:
-    cycle_ns = ctx.resolution.network.cycle_ns
-    if cycle_ns is None:
-        return
-    bus_hz = 1e9 / cycle_ns
-    by_default = "" if "control_frequency" in ctx.resolution.network.fields else " by default"
-    for rate in robot.update_rates:
-        if abs(rate.hz - bus_hz) > _SAME_RATE * bus_hz:
-            ctx.add(
-                "FSN478",
-                rate.span,
-                f"update_rate is {rate.hz:g} Hz, control_frequency is {bus_hz:g} Hz{by_default}: "
-                "the driver exchanges frames at update_rate, and sets distributed clocks to "
-                "control_frequency",
-                hint=f"write update_rate: {bus_hz:g}, or change control_frequency",
-                related=(
-                    Related(
-                        span=ctx.resolution.network.at("control_frequency"),
-                        message="the EtherCAT driver",
-                    ),
-                ),
             )

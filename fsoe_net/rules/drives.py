@@ -183,8 +183,8 @@ def _targets(ctx: Context, axis: _Axis, *, by_plugin: bool) -> None:
                 "FSN475",
                 target.span,
                 f"EcCiA402Drive sends the actual position 0x6064 as target position 0x607a, once "
-                f"it has read a mode from 0x6061; without {names} in a TxPDO the target stays 0, and "
-                "the axis runs to 0 as soon as the drive is enabled",
+                f"it has read a mode from 0x6061; without {names} in a TxPDO the target stays 0, "
+                "and the axis runs to 0 as soon as the drive is enabled",
                 hint=f"map {names} in a TxPDO",
             )
         _position(ctx, axis, target, by_plugin=by_plugin)

@@ -99,6 +99,9 @@ _ROS2_EFFECT = {
     "FSN483": "never sees the other tags",
     "FSN484": "waits without end at its start, and moves no other axis meanwhile",
     "FSN485": "sends no mode of operation, or mode 0",
+    "FSN486": "scales as written; the axis runs away from its target",
+    "FSN487": "scales as written",
+    "FSN488": "sends the SDO as written, and frames at its own rate",
     "FSN601": "starts; the FSoE watchdog expires without any fault",
 }
 

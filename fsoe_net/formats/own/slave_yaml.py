@@ -205,11 +205,20 @@ def _entry(node: MapNode, pdo: MapNode, out: Collector) -> Entry | None:
 
 
 def _scale(node: MapNode, key: str, without: float, out: Collector) -> float:
-    """Return ``factor`` or ``offset``; a factor that is 0 or too large for a plan has no effect."""
+    """Return ``factor`` or ``offset``: ``without`` with FSN487 if it leaves no value."""
     value = read_float(node.get(key), out, what=key)
-    if value is None or not abs(value) <= _LARGEST_SCALE or (key == "factor" and value == 0):
+    if value is None:
         return without
-    return value
+    if abs(value) <= _LARGEST_SCALE and (value or key == "offset"):
+        return value
+    out.add(
+        "FSN487",
+        node.at(key),
+        f"{key} {(node.text(key) or '')[:40]}: this channel has the same value for all commands",
+        severity=Severity.ERROR,
+        hint=f"write the {key} between the device and the interface, or leave it out",
+    )
+    return without
 
 
 def _view(node: MapNode, entry_bits: int, out: Collector) -> EntryView | None:

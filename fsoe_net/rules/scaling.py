@@ -1,0 +1,87 @@
+"""FSN486, FSN487: factors and offsets of a command of a drive, and of the state next to it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fsoe_net.diag.diagnostic import Related, Severity
+from fsoe_net.model.bus import Entry, SubDevice
+from fsoe_net.model.drives import CIA402_PLUGIN, TARGET_POSITION, drive_axes
+from fsoe_net.rules.context import Context
+
+_PAIRS = {TARGET_POSITION: 0x6064, 0x60FF: 0x606C, 0x6071: 0x6077}  # target: actual value
+_ROUNDED, _NOTED = 1e-3, 1e-2  # relative: factors are written with some digits
+
+
+@dataclass(frozen=True, slots=True)
+class _Scales:
+    """A command of v is shown as ``gain * v + shift``: 1 and 0 if the scales are inverse."""
+
+    command: Entry
+    state: Entry
+
+    @property
+    def gain(self) -> float:
+        return self.command.factor * self.state.factor
+
+    @property
+    def shift(self) -> float:
+        return self.state.factor * self.command.offset + self.state.offset
+
+    def are_inverse(self, tolerance: float) -> bool:
+        # An offset of the command is often rounded to one increment of the drive.
+        rounded = abs(self.state.factor) + tolerance * abs(self.state.offset)
+        return abs(self.gain - 1) <= tolerance and abs(self.shift) <= rounded
+
+
+def check_scaling(ctx: Context) -> None:
+    """Check each device type that has axes once."""
+    for _, device, sub in ctx.devices():
+        for axis in drive_axes(device.layout):
+            for target, actual in _PAIRS.items():
+                if target in axis.outputs and actual in axis.inputs:
+                    command = axis.outputs[target][1].entry
+                    state = axis.inputs[actual][1].entry
+                    by_plugin = sub.plugin == CIA402_PLUGIN and command.index == TARGET_POSITION
+                    if _is_known(command, state) and (by_plugin or _is_one(command, state)):
+                        _compare(ctx, sub, _Scales(command, state))
+
+
+def _is_known(command: Entry, state: Entry) -> bool:
+    """Whether the file states both scales; the newest driver can read a factor from the device."""
+    scaled = (command, state)
+    return not any(e.views or "factor_from_sdo" in e.fields for e in scaled)
+
+
+def _is_one(command: Entry, state: Entry) -> bool:
+    """Whether a controller takes both for the same quantity."""
+    return command.command_interface is not None and (
+        command.command_interface == state.state_interface
+    )
+
+
+def _compare(ctx: Context, sub: SubDevice, scales: _Scales) -> None:
+    command, state = scales.command, scales.state
+    related = (Related(span=state.at("factor"), message=f"scale of the state {state.address}"),)
+    shown = f"{sub.name}: a command of 1 to {command.address} is shown as "
+    if scales.gain < 0:
+        ctx.add(
+            "FSN486",
+            command.at("factor"),
+            f"{shown}{scales.gain + scales.shift:g} by {state.address}: their factors have "
+            "opposite signs, and a controller drives the axis away from its target",
+            hint="give both factors the sign of the axis",
+            related=related,
+        )
+    elif not scales.are_inverse(_ROUNDED):
+        inverse = 1 / state.factor
+        ctx.add(
+            "FSN487",
+            command.at("factor"),
+            f"{shown}{scales.gain + scales.shift:g} by {state.address}: factor and offset are not "
+            "inverse, so an axis that holds its value moves by the difference",
+            severity=Severity.INFO if scales.are_inverse(_NOTED) else None,
+            hint=f"write factor: {inverse:.9g}, offset: {0 - state.offset * inverse:.9g} here, or "
+            "correct those of the state",
+            related=related,
+        )
