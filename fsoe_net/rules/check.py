@@ -19,6 +19,7 @@ from fsoe_net.rules.interfaces import check_interfaces
 from fsoe_net.rules.nets import check_nets
 from fsoe_net.rules.runtime import Runtime, check_runtime
 from fsoe_net.rules.scaling import check_scaling
+from fsoe_net.rules.start_up import check_start_up
 from fsoe_net.rules.transfer_ends import check_ends
 
 
@@ -33,6 +34,7 @@ def check(resolution: Resolution, *, runtime: Runtime = Runtime.FSN) -> list[Dia
     ctx = Context(resolution=resolution)
     # The order matters: a mistake is reported at its origin, and not again by later rules.
     check_devices(ctx)
+    check_start_up(ctx)
     check_drives(ctx)
     check_scaling(ctx)
     check_cycle_times(ctx)

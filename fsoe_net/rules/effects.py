@@ -102,6 +102,7 @@ _ROS2_EFFECT = {
     "FSN486": "scales as written; the axis runs away from its target",
     "FSN487": "scales as written",
     "FSN488": "sends the SDO as written, and frames at its own rate",
+    "FSN489": "sends the SDO; the IgH master then writes rpdo and tpdo, or warns in the kernel log",
     "FSN601": "starts; the FSoE watchdog expires without any fault",
 }
 
