@@ -46,7 +46,10 @@ def _frames(
     frames = _sizes((*b.key, b.frame_bytes) for sm in layout.managers for b in sm.blocks)
     fitting = [m for m in known.mappings if m.fits(sub.revision)]
     # A partly known layout cannot be compared.
-    if not frames or not fitting or not all(sm.complete for sm in layout.managers):
+    if not fitting or not all(sm.complete for sm in layout.managers):
+        return None
+    if not frames:
+        _without_frames(out, sub, fitting[0], known)
         return None
     mapping = next((m for m in fitting if _has(m, frames)), None)
     if mapping is not None:
@@ -64,6 +67,22 @@ def _frames(
         severity=Severity.INFO if modular else None,
     )
     return None
+
+
+def _without_frames(
+    out: FindingList, sub: SubDevice, mapping: LibraryMapping, known: LibraryDevice
+) -> None:
+    """FSN448 for a SubInstance whose safety PDOs are not mapped; a logic can be without any."""
+    if mapping.role == "sub" and mapping.frames:
+        out.add(
+            "FSN448",
+            sub.device.span if sub.device is not None else sub.span,
+            f"{sub.name} maps no FSoE frame; the library has {known.name} with "
+            f"{_listed(_stated(mapping))} (unverified): with its safety function in use, such a "
+            "device stays in PREOP or SAFEOP",
+            severity=Severity.INFO,
+            hint="map its safety PDOs, if its safety function is used; compare with manual and ESI",
+        )
 
 
 def _has(mapping: LibraryMapping, frames: dict[int, list[int]]) -> bool:
