@@ -81,6 +81,22 @@ def guesses(word: str, known: Iterable[str], *, cutoff: float = 0.6) -> tuple[st
     return Guesses(known, cutoff=cutoff).of(word)
 
 
+def near_misses(word: str, known: Iterable[str], *, cutoff: float = 0.6) -> tuple[str, ...]:
+    """Return `guesses` without names that have a part more or less, which are other things.
+
+    ``value_hex`` is not a misspelt ``value``, and ``position`` not a misspelt ``position_offset``.
+    """
+    return tuple(w for w in guesses(word, known, cutoff=cutoff) if not extends(word, w))
+
+
+def extends(one: str, other: str) -> bool:
+    """Whether one of two names is the other with a part before or after it, not only a number."""
+    short, long = sorted((_parts(one), _parts(other)), key=len)
+    rest = [long[len(short) :]] * (long[: len(short)] == short)
+    rest += [long[: -len(short)]] * (bool(short) and long[-len(short) :] == short)
+    return any(not "".join(part).isdigit() for part in rest if part)
+
+
 def one_of(words: Sequence[str]) -> str:
     """Return ``a``, ``a or b``, ``a, b or c``."""
     return " or ".join(filter(None, (", ".join(words[:-1]), *words[-1:])))
@@ -88,6 +104,10 @@ def one_of(words: Sequence[str]) -> str:
 
 def _bare(word: str) -> str:
     return re.sub(r"[-_ ]", "", word.lower())
+
+
+def _parts(name: str) -> list[str]:
+    return [part for part in re.split(r"[-_ ./]", name.lower()) if part]
 
 
 def _numbers(word: str) -> list[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 from fsoe_net.diag.diagnostic import Related, Span
-from fsoe_net.diag.guesses import guesses, one_of
+from fsoe_net.diag.guesses import guesses, near_misses, one_of
 from fsoe_net.model.robot import Controller, InterfaceUse, Robot
 from fsoe_net.rules.context import Context, few
 
@@ -68,7 +68,8 @@ def _not_offered(
             ends.setdefault(name.rpartition("/")[0], {})[name.rpartition("/")[2]] = span
     # The joint is there: its interface is wrong; else the name of the joint.
     known = ends.get(end) or {name: next(iter(own.values())) for name, own in ends.items()}
-    close = guesses(interface if end in ends else end, known)
+    # A joint without its prefix is meant for it; an interface with one more word is another one.
+    close = near_misses(interface, known) if end in ends else guesses(end, known)
     side = "command" if use.is_command else "state"
     ctx.add(
         "FSN477",

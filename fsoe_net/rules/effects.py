@@ -20,14 +20,14 @@ _ROS2_EFFECT = {
     "FSN107": _EXCEPTION,
     "FSN108": "does not find the key",
     "FSN109": _IGNORED,
-    "FSN110": _EXCEPTION,
-    "FSN111": _EXCEPTION + "; takes an empty text for `null`, and a word in place of a list for no "
-    "list",
+    "FSN110": _EXCEPTION + "; skips an incomplete sm or sdo",
+    "FSN111": _EXCEPTION,
     "FSN112": "reads another number, then " + _CRASH,
     "FSN113": "cuts an index to 16 bits; a subindex above 255 is never found, then " + _CRASH,
     "FSN114": "reads octal in slave YAML, decimal in transfer YAML",
     "FSN115": "reads it as a decimal number",
-    "FSN116": "treats an unknown word as absent, and also a sync manager of an unknown type",
+    "FSN116": "treats an unknown word as absent, and also a sync manager of an unknown type; sends "
+    "an SDO of an unknown type with a random length",
     "FSN120": _EXCEPTION,
     "FSN121": "skips the module; every later module is addressed as its neighbour",
     "FSN122": "does not find the class and does not start",
@@ -92,6 +92,8 @@ _ROS2_EFFECT = {
     "FSN424": "starts with kernel warnings or AL error 0x001d/0x001e",
     "FSN425": "loses OP (AL status 0x001b) whenever a cycle takes that long",
     "FSN429": "stops with an exception for a command on a tpdo",
+    "FSN451": "reads an empty text as `null`, and an empty list or a word in place of a list as no "
+    "rows, without a message",
     "FSN475": "never writes the target position; the axis runs to 0 when the drive is enabled",
     "FSN476": "exports the interface without connecting it",
     "FSN481": "never writes the output",

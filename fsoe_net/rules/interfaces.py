@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from fsoe_net.diag.diagnostic import Related, Severity, Span
-from fsoe_net.diag.guesses import guesses, one_of
+from fsoe_net.diag.guesses import near_misses, one_of
 from fsoe_net.model.bus import SubDevice
 from fsoe_net.model.drives import CIA402_PLUGIN, GENERIC_PLUGINS, PLUGIN_OUTPUTS
 from fsoe_net.model.robot_graph import (
@@ -56,7 +56,7 @@ def _missing(ctx: Context, node: ServedComponent, *, is_command: bool) -> Iterat
     free = {name: channel for name, channel in channels.items() if name not in requests}
     for name, place in requests.items():
         if name not in provided:
-            close = guesses(name, free)
+            close = near_misses(name, free)
             side = "command" if is_command else "state"
             _not_provided(
                 ctx,

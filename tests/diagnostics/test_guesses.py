@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from fsoe_net.diag.guesses import Guesses, guesses, one_of
+from fsoe_net.diag.guesses import Guesses, guesses, near_misses, one_of
 
 
 @pytest.mark.parametrize(
@@ -38,6 +38,27 @@ def test_each_word_that_fits_as_well_is_offered(
     word: str, known: list[str], meant: tuple[str, ...]
 ):
     assert guesses(word, known) == meant
+
+
+@pytest.mark.parametrize(
+    ("word", "known", "meant"),
+    [
+        # a part more or less: another thing
+        ("value_hex", ["value"], ()),
+        ("position_offset", ["position"], ()),
+        ("position", ["position_offset"], ()),
+        ("raw_position", ["position"], ()),
+        # a misspelling, or a number
+        ("positoin", ["position", "position_offset"], ("position",)),
+        ("output_1", ["output"], ("output",)),
+        ("value", ["Value"], ("Value",)),
+        ("_", ["value"], ()),
+    ],
+)
+def test_a_name_with_one_more_part_is_no_misspelling(
+    word: str, known: list[str], meant: tuple[str, ...]
+):
+    assert near_misses(word, known) == meant
 
 
 def test_words_are_joined_as_a_choice():

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from fsoe_net.diag.diagnostic import Span
+from fsoe_net.diag.diagnostic import Severity, Span
 from fsoe_net.formats.own.network import load_network
 from fsoe_net.formats.own.slave_yaml import device_from_yaml, load_device
 from fsoe_net.formats.own.type_words import _meant, type_bits
@@ -162,8 +162,29 @@ def test_a_big_endian_type_is_not_replaced_silently(word: str):
     bits = type_bits(word, Span("x"), out)
     assert bits in (16, 32)
     (found,) = out.diagnostics
-    assert "little-endian" in found.hint
     assert "exchange the bytes" in found.hint
+
+
+@pytest.mark.parametrize("word", ["uint16_rev", "be_uint16", "int16_bcd", "float-gray"])
+def test_a_type_with_one_more_part_is_not_replaced(word: str):
+    out = Collector()
+    assert type_bits(word, Span("x"), out) in (16, 32)
+    (found,) = out.diagnostics
+    assert found.hint.startswith("look up the coding of its bytes")
+
+
+@pytest.mark.parametrize("key", ["complete_access", "value_hex"])
+def test_a_key_of_forks_is_named_as_one(key: str):
+    out = Collector()
+    text = f"vendor_id: 1\nproduct_id: 2\nsdo: [{{index: 1, sub_index: 1, type: int8, {key}: 1}}]\n"
+    root = parse_yaml(text.encode(), "x.yaml", out)
+    assert root is not None
+    device_from_yaml(root, "x.yaml", out)
+    rows = {d.code: (d.level, d.hint) for d in out.diagnostics}
+    level, hint = rows.pop("FSN109")
+    assert level is Severity.WARNING
+    assert "forks of ethercat_driver_ros2" in hint
+    assert "FSN110" in rows  # the driver itself finds no value
 
 
 def test_the_length_of_a_type_that_may_be_two_is_not_known():

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from fsoe_net.formats.own.network import load_network
 from fsoe_net.formats.own.slave_yaml import device_from_yaml
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.numbers import Reader, read_flag, read_float, read_int
@@ -91,6 +92,39 @@ def test_a_boolean_is_what_yaml_cpp_reads(row: list[str]):
         assert (str(value).lower(), out.diagnostics) == (row[5], [])
 
 
+# What `--runtime` says of a code, as yaml-cpp does it: "TEXT ROWS" at a path of the document.
+NET = "nets: [{name: a, safety_master: %s, transfers: []}]\n"
+NETS = "nets:\n  - {name: a, transfers: []}\n"
+STATEMENTS = [
+    ("FSN105", NETS + "---\n" + NETS.replace("name: a", "name: b"), "nets 0 name", "a 0"),
+    ("FSN106", NETS.replace("name: a", "name: a, name: b"), "nets 0 name", "a 0"),
+    ("FSN107", "nets: [{<<: {name: a}, transfers: []}]\n", "nets 0 name", "throws 0"),
+    ("FSN108", "\u00a0" + NETS, "nets", "throws 0"),
+    ("FSN110", NETS.replace("name: a, ", ""), "nets 0 name", "throws 0"),
+    ("FSN111", NET % "[logic]", "nets 0 safety_master", "throws 1"),
+    ("FSN111", NET % "{name: logic}", "nets 0 safety_master", "throws 1"),
+    ("FSN111", "nets: {name: a}\n", "nets 0 name", "throws"),
+    ("FSN111", "nets: [abc]\n", "nets 0 name", "throws"),
+    ("FSN451", NET % "~", "nets 0 safety_master", "null 0"),
+    ("FSN451", NET % "", "nets 0 safety_master", "null 0"),
+    ("FSN451", "nets: ~\n", "nets", "null 0"),
+    ("FSN451", "nets: abc\n", "nets", "abc 0"),
+    ("FSN451", NETS.replace("[]", "~"), "nets 0 transfers", "null 0"),
+]
+
+
+@pytest.mark.parametrize(("code", "text", "path", "read"), STATEMENTS)
+def test_yaml_cpp_reads_a_document_as_its_runtime_is_described(
+    probe: Path, tmp_path: Path, code: str, text: str, path: str, read: str
+):
+    words = [probe, *path.split()]
+    said = subprocess.run(words, input=text, capture_output=True, text=True, check=True).stdout
+    assert said.strip() == read
+    file = tmp_path / "transfers.yaml"
+    file.write_text(text, "utf-8")
+    assert code in [d.code for d in load_network([file]).diagnostics]
+
+
 CHANNEL = """\
 vendor_id: 1
 product_id: 2
@@ -117,6 +151,15 @@ def test_an_interface_is_the_text_that_yaml_cpp_reads(row: list[str]):
     assert name == (None if row[1] == "null" else row[1])  # of which no joint has an interface
 
 
+def test_an_empty_type_of_a_channel_is_the_text_null():
+    out = Collector()
+    text = CHANNEL.format(key="mask", value="1").replace("type: uint16", "type: ~")
+    root = parse_yaml(text.encode(), "f.yaml", out)
+    assert root is not None
+    device_from_yaml(root, "f.yaml", out)
+    assert [(d.code, d.span.line) for d in out.diagnostics] == [("FSN451", 8)]
+
+
 @pytest.mark.parametrize("key", ["default", "factor", "offset", "mask", "skip"])
 @pytest.mark.parametrize("value", ["~", "", "null"])
 def test_an_empty_number_or_boolean_is_an_error(key: str, value: str):
@@ -126,6 +169,7 @@ def test_an_empty_number_or_boolean_is_an_error(key: str, value: str):
     assert root is not None
     device_from_yaml(root, "f.yaml", out)
     kind = "true or false" if key == "skip" else "a whole number" if key == "mask" else "a number"
+    assert [d.code for d in out.diagnostics] == ["FSN111"]
     assert [d.message for d in out.diagnostics] == [
         f"rpdo 1, channels 1, {key} must be {kind}, it is empty"
     ]

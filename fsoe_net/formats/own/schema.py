@@ -15,7 +15,7 @@ import re
 from typing import TYPE_CHECKING, Any
 
 from fsoe_net.diag.diagnostic import Severity
-from fsoe_net.diag.guesses import guesses, one_of
+from fsoe_net.diag.guesses import extends, guesses, near_misses, one_of
 from fsoe_net.formats.own.json_schema import SchemaError, read_schema, schema_errors
 from fsoe_net.formats.shared.numbers import decimal_comma
 from fsoe_net.formats.shared.yaml_tree import MapNode, Node, ScalarNode, SeqNode
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from fsoe_net.diag.diagnostic import Span
     from fsoe_net.formats.shared.files import Collector
 
+_OF_DRIVER = frozenset({"slave", "transfers"})  # files that ethercat_driver_ros2 also reads
 MOST_UNKNOWN = 100
 """Maximum number of unknown keys of a document that are reported individually, with suggestions."""
 
@@ -46,7 +47,10 @@ _CONFUSED = {
     "slaves": "subdevices",
     "devices": "subdevices",
     "fsoe_address": "address",
+    "default_value": "default",
 }
+_OF_FORKS = frozenset({"complete_access", "value_hex", "right_shift", "pdo_offset", "start", "end"})
+"""Keys of a slave YAML that only forks of ethercat_driver_ros2 read."""
 
 
 _ASKED_FOR = frozenset(
@@ -117,8 +121,8 @@ def check_structure(root: MapNode, name: str, out: Collector) -> bool:
     Args:
         root: The document.
         name: Schema, e.g. ``transfers``.
-        out: Takes FSN109, FSN110, FSN111, FSN116; only FSN140 where the keys are those of another
-            file of this project.
+        out: Takes FSN109, FSN110, FSN111, FSN116 and FSN451; only FSN140 where the keys are those
+            of another file of this project.
 
     Returns:
         Whether reading can continue.
@@ -130,9 +134,10 @@ def check_structure(root: MapNode, name: str, out: Collector) -> bool:
     sample = _Shapes(_worded_keys(name)).sample(root)
     if next(schema_errors(sample, name), None) is None:
         return True  # the usual case: thousands of transfers of one form, checked once
-    unknown = _Unknown(out)
+    of_driver = name in _OF_DRIVER
+    unknown = _Unknown(out, of_driver=of_driver)
     for error in schema_errors(_plain(root), name):
-        _translate(error, root, out, unknown)
+        _translate(error, root, out, unknown, of_driver=of_driver)
         if unknown.too_many:
             break
     return not unknown.too_many
@@ -244,7 +249,9 @@ def _where(path: Sequence[str | int]) -> str:
     return text.removeprefix(", ") or "the document"
 
 
-def _translate(error: SchemaError, root: MapNode, out: Collector, unknown: _Unknown) -> None:
+def _translate(
+    error: SchemaError, root: MapNode, out: Collector, unknown: _Unknown, *, of_driver: bool
+) -> None:
     node = _node_at(root, error.path)
     if error.keyword == "additionalProperties" and isinstance(node, MapNode):
         unknown.keys_of(node, error.schema.get("properties", {}), error.path)
@@ -253,7 +260,7 @@ def _translate(error: SchemaError, root: MapNode, out: Collector, unknown: _Unkn
     elif error.keyword in ("enum", "const"):
         _not_allowed(node, error, out)
     elif error.keyword == "type":
-        _wrong_type(node, error, out)
+        _wrong_type(node, error, out, of_driver=of_driver)
     else:
         length = "short" if error.keyword == "minItems" else "long"
         message = f"{_where(error.path)}: {error.value!r} is too {length}"
@@ -266,14 +273,15 @@ def nearest_keys(key: str, allowed: Iterable[str]) -> tuple[str, ...]:
     confused = {v: k for k, v in _CONFUSED.items()} | _CONFUSED
     if confused.get(key) in known:
         return (confused[key],)
-    return guesses(re.sub(r"[^a-zA-Z0-9]", "", key), known, cutoff=0.72)
+    return near_misses(re.sub(r"[^a-zA-Z0-9_-]", "", key), known, cutoff=0.72)
 
 
 class _Unknown:
     """The unknown keys of a document, up to the maximum."""
 
-    def __init__(self, out: Collector) -> None:
+    def __init__(self, out: Collector, *, of_driver: bool) -> None:
         self._out = out
+        self._of_driver = of_driver
         self._count = 0
         self.too_many = False
 
@@ -292,15 +300,18 @@ class _Unknown:
             comma = _comma_before(node, key, properties)
             meant = nearest_keys(key, free)
             where = f"in {_where(path)}" if path else "at the top level"
-            known = ", ".join(sorted(properties))
             self._out.add(
                 "FSN109",
                 node.keys[key],
                 f"unknown key {key!r} {where}",
-                # A word that resembles no key is a remark of the user, not a mistake.
-                severity=None if meant or comma else Severity.INFO,
-                hint=comma or _instead(key, meant) or f"known here: {known}",
+                severity=_severity(key, properties, is_misspelt=bool(meant or comma)),
+                hint=comma or _instead(key, meant) or self._without_guess(key, properties),
             )
+
+    def _without_guess(self, key: str, properties: Mapping[str, Any]) -> str:
+        if self._of_driver and key in _OF_FORKS:
+            return "only forks of ethercat_driver_ros2 read it; delete it, or run such a fork"
+        return f"known here: {', '.join(sorted(properties))}"
 
     def _refuse(self, span: Span) -> None:
         self.too_many = True
@@ -310,6 +321,14 @@ class _Unknown:
             f"more than {MOST_UNKNOWN} unknown keys; the file is not read on",
             hint="give the file that was meant, or take out what does not belong there",
         )
+
+
+def _severity(key: str, known: Iterable[str], *, is_misspelt: bool) -> Severity | None:
+    if is_misspelt:
+        return None
+    # A program may have such a key; a word that resembles none is a remark of the user.
+    is_of_another = key in _OF_FORKS or any(extends(key, k) for k in known)
+    return Severity.WARNING if is_of_another else Severity.INFO
 
 
 def _comma_before(node: MapNode, key: str, properties: Mapping[str, Any]) -> str:
@@ -407,7 +426,17 @@ def _expected(names: Sequence[str]) -> str:
     return " or ".join(_KINDS.get(n, f"a {n}") for n in names if n != "null")
 
 
-def _wrong_type(node: Node, error: SchemaError, out: Collector) -> None:
+def _reads_nothing(node: Node, names: Sequence[str]) -> bool:
+    """Whether yaml-cpp reads a value of the wrong type without an exception.
+
+    It reads a scalar in place of a list as no rows, and null in place of a text as ``null``.
+    """
+    if not isinstance(node, ScalarNode):
+        return False
+    return names[0] == "array" or (names[0] == "string" and node.is_null)
+
+
+def _wrong_type(node: Node, error: SchemaError, out: Collector, *, of_driver: bool) -> None:
     wanted = error.schema["type"]
     names = [wanted] if isinstance(wanted, str) else list(wanted)
     if isinstance(node, ScalarNode) and not node.is_null and _is_read_later(error.schema, node):
@@ -426,6 +455,5 @@ def _wrong_type(node: Node, error: SchemaError, out: Collector) -> None:
         hint = "delete the `- ` in front of the keys"
     # The number readers do not report this value again.
     out.mistyped.add(node.span)
-    out.add(
-        "FSN111", node.span, f"{_where(error.path)} must be {expected}, it is {found}", hint=hint
-    )
+    code = "FSN451" if of_driver and _reads_nothing(node, names) else "FSN111"
+    out.add(code, node.span, f"{_where(error.path)} must be {expected}, it is {found}", hint=hint)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from fsoe_net.diag.diagnostic import Span
-from fsoe_net.diag.guesses import guesses, one_of
+from fsoe_net.diag.guesses import extends, guesses, one_of
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.type_words import DRIVER_WORD, TYPE_BITS
 
@@ -29,21 +29,28 @@ def type_bits(word: str, span: Span, out: Collector) -> int | None:
         # The driver keeps the number of bits in one byte.
         reads = f"; the driver counts {int(loose.group(1)[:9]) & 0xFF} bits"
     code = "FSN403" if loose and re.fullmatch(r"bit-?[0-9]+", word) else "FSN402"
-    hint = f"write {one_of(meant)}" if meant else "write bool, int8 … uint64, float, double or bitN"
-    if meant and _BIG_ENDIAN.fullmatch(word.strip().lower()):
-        hint = (
-            f"process data of EtherCAT are little-endian, and the driver reads them so; write "
-            f"{one_of(meant)} and exchange the bytes where the value is used"
-        )
     out.add(
         code,
         span,
         f"unknown data type {word!r}{reads}, so the offsets of all entries after it are in doubt",
-        hint=hint,
+        hint=_hint(word.strip().lower(), meant),
     )
     # Several words are possible; the offsets are safe only if all have one length.
     lengths = {type_bits(w, span, out) for w in meant}
     return lengths.pop() if len(lengths) == 1 else None
+
+
+def _hint(word: str, meant: tuple[str, ...]) -> str:
+    if meant and _BIG_ENDIAN.fullmatch(word):
+        return (
+            "only forks of ethercat_driver_ros2 read big-endian values; with "
+            f"{one_of(meant)}, exchange the bytes where the value is used"
+        )
+    is_plain = word in _OF_C or _LITTLE_ENDIAN.fullmatch(word) is not None
+    # An added part may mean another coding of the bytes.
+    if not is_plain and any(extends(word, known) for known in (*TYPE_BITS, *DRIVER_WORD)):
+        return f"look up the coding of its bytes in the manual of the device, then write {_TYPES}"
+    return f"write {one_of(meant)}" if meant else f"write {_TYPES}"
 
 
 def _bit_length(word: str, digits: str, span: Span, out: Collector) -> int | None:
@@ -59,6 +66,8 @@ def _bit_length(word: str, digits: str, span: Span, out: Collector) -> int | Non
     return value if value <= 11888 else None
 
 
+_TYPES = "bool, int8 … uint64, float, double or bitN"
+_OF_C = frozenset(f"{word}_t" for word in TYPE_BITS)
 _OF_C_AND_IEC = {"int": ("int16", "int32"), "uint": ("uint16", "uint32")}
 _ORDERED = r"(u?int(?:16|32|64)|float|double|real32|real64)[ _-]?"
 _BIG_ENDIAN = re.compile(_ORDERED + r"(?:be|big|big[ _-]?endian|msb|motorola|network|swap(?:ped)?)")
