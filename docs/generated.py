@@ -23,7 +23,10 @@ from fsoe_net.diag.catalogue import CATALOGUE
 from fsoe_net.document.style import PICTURES, STYLE
 from fsoe_net.formats.own.network import load_network
 from fsoe_net.model.resolve import resolve
+from fsoe_net.project.check import check_files
 from fsoe_net.report.network_picture import network_picture
+from fsoe_net.report.robot_boxes import robot_graph
+from fsoe_net.report.robot_picture import robot_picture
 from fsoe_net.rules.effects import effects_today
 from fsoe_net.rules.runtime import Runtime
 
@@ -149,6 +152,8 @@ def fill_in(page: str, text: str) -> str:
         return text.replace("<!-- codes -->\n", _codes())
     if page == "index":
         return text.replace("<!-- gallery -->\n", _gallery())
+    if page == "howto/ros2":
+        return text.replace("<!-- robot -->\n", _robot())
     if page == "reference/runtimes":
         return text.replace("<!-- effects -->\n", _effects())
     if page != f"diagnostics/{code}" or code not in CATALOGUE:
@@ -171,6 +176,14 @@ def _gallery() -> str:
             f"`examples/{name}`, in []({page})\n:::\n"
         )
     return "::::{container} cards gallery\n" + "\n".join(cards) + "::::\n"
+
+
+def _robot() -> str:
+    """Return the drawing of a robot, as `fsoe-net graph` makes it."""
+    folder = ROOT / "examples" / "robot-cell"
+    checked = check_files([str(folder / name) for name in ("robot.urdf.xacro", "controllers.yaml")])
+    drawing = robot_picture(robot_graph(checked.resolution, checked.diagnostics))
+    return f'<div class="picture">{drawing}</div>\n'
 
 
 def picture_style() -> str:

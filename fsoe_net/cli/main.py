@@ -22,6 +22,7 @@ GROUPS = {
     "Find mistakes": {
         "check": "Check the files of a network, also against other files or a live bus.",
         "explain": "Explain a finding and how to fix it.",
+        "graph": "Draw a robot: controllers, joints, channels, SubDevices.",
         "studio": "View and edit a network in a browser.",
         "plan": "Compile a network to a copy plan; show a plan and its fingerprint.",
     },

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from fsoe_net.diag.diagnostic import Diagnostic
-from fsoe_net.diag.words import counted, summary
+from fsoe_net.diag.words import counted, listed, summary
 from fsoe_net.document.model import (
     Cell,
     Column,
     Document,
+    Item,
     Level,
     Part,
     Picture,
@@ -25,6 +26,8 @@ from fsoe_net.model.resolve import Connection, Resolution
 from fsoe_net.project.check import Checked
 from fsoe_net.report.model import LEVELS
 from fsoe_net.report.network_picture import network_picture
+from fsoe_net.report.robot_boxes import End, EndState, RobotGraph, robot_graph
+from fsoe_net.report.robot_picture import robot_picture
 from fsoe_net.version import __version__
 
 _FILE = "network file"
@@ -50,6 +53,9 @@ def snapshot(checked: Checked, path: str) -> Document:
             Section(key="connections", title="Connections", parts=(_connections(resolution),)),
             *sections,
         ]
+        graph = robot_graph(resolution, found)
+        if graph.components:
+            sections.insert(0, Section(key="robot", title="Robot", parts=_robot(graph)))
     return Document(
         title=resolution.network.name if resolution is not None else path,
         subtitle=f"snapshot of {path}",
@@ -58,6 +64,35 @@ def snapshot(checked: Checked, path: str) -> Document:
         sections=tuple(sections),
         foot="part of the black channel, not certified, never a safety function",
     )
+
+
+def _robot(graph: RobotGraph) -> tuple[Part, ...]:
+    channels = {line.left: line.right for line in graph.bindings}
+    claimed: dict[tuple[int, int], dict[str, None]] = {}
+    for line in graph.claims:
+        claimed.setdefault(line.right, {})[graph.controllers[line.left[0]].name] = None
+    rows = []
+    for n, box in enumerate(graph.components):
+        for m, end in enumerate(box.ends):
+            bound = channels.get((n, m))
+            row = (
+                cell(strong(box.name)),
+                cell(end.name),
+                cell("command" if end.is_command else "state"),
+                cell(listed([*claimed.get((n, m), ())]) or muted("none")),
+                cell(_channel(graph, end, bound)),
+            )
+            rows.append(row)
+    names = ("Component", "Interface", "Side", "Controllers", "Channel")
+    table = Table(name="interfaces", columns=tuple(map(Column, names)), rows=tuple(rows))
+    return Picture(title="Robot", words=graph.words, svg=robot_picture(graph)), table
+
+
+def _channel(graph: RobotGraph, end: End, bound: tuple[int, int] | None) -> Item | str:
+    if bound is not None:
+        sub = graph.subdevices[bound[0]]
+        return f"{sub.name} {sub.ends[bound[1]].at}"
+    return Verdict("unbound", Level.ERROR) if end.state is EndState.WRONG else muted("none")
 
 
 def _bus(checked: Checked, resolution: Resolution) -> tuple[Part, ...]:

@@ -18,6 +18,7 @@ INPUTS = [
     ["estop/estop.urdf.xacro", "estop/transfers.yaml"],
     ["estop/estop.urdf.xacro"],
     ["el6910/network.yaml"],
+    ["robot-cell/robot.urdf.xacro", "robot-cell/controllers.yaml"],
 ]
 
 
@@ -34,9 +35,12 @@ def test_no_error_and_no_warning(files: list[str]):
 
 
 @pytest.mark.shows("R1")
-def test_both_forms_of_the_estop_move_the_same_bytes():
+@pytest.mark.parametrize(
+    ("folder", "robot"), [("estop", "estop.urdf.xacro"), ("robot-cell", "robot.urdf.xacro")]
+)
+def test_both_forms_of_an_example_move_the_same_bytes(folder: str, robot: str):
     def copies(*files: str) -> list[tuple[str, str, int]]:
-        network = load_network([EXAMPLES / "estop" / f for f in files]).network
+        network = load_network([EXAMPLES / folder / f for f in files]).network
         assert network is not None
         resolution = resolve(network)
         compile_plan(resolution)
@@ -45,7 +49,7 @@ def test_both_forms_of_the_estop_move_the_same_bytes():
             for t in resolution.transfers
         ]
 
-    assert copies("network.yaml") == copies("estop.urdf.xacro", "transfers.yaml")
+    assert copies("network.yaml") == copies(robot, "transfers.yaml")
 
 
 @pytest.mark.uncounted
