@@ -27,6 +27,8 @@ class CompanionKind(enum.Enum):
     LOG = "log"
     RECORD = "record"
     TEST_RECORD = "test_record"
+    ROBOT = "robot"
+    CONTROLLERS = "controllers"
     OTHER = "other"
     """A description of a bus, to compare with."""
 
@@ -124,6 +126,9 @@ def _known(path: str) -> tuple[CompanionKind, str] | None:
     known = recognise(head)
     if known is None or known.kind in ("", "capture", "ros-slaves"):
         return None
+    if known.kind == "urdf":
+        kind = CompanionKind.ROBOT if known.signature.root else CompanionKind.CONTROLLERS
+        return kind, known.words
     if known.kind == "yaml" and not _NETWORK.search(head):
         return None  # of one device
     return CompanionKind.OTHER, known.words

@@ -1,4 +1,4 @@
-"""Documents about the network: its report, differences, incidents, the intervention log.
+"""Documents about the network: its report, robot, differences, incidents, the intervention log.
 
 Each one is the page written by the command of that name. It is served without scripts and in a
 sandbox, and only its own styles are permitted, by their hashes.
@@ -37,9 +37,10 @@ from fsoe_net.intervention_log.chain import LogFilter
 from fsoe_net.intervention_log.document import log_document
 from fsoe_net.intervention_log.files import log_files, select_entries
 from fsoe_net.model.resolve import Resolution
-from fsoe_net.project.check import Checked
+from fsoe_net.project.check import Checked, check_files
 from fsoe_net.project.companion_files import CompanionFile, CompanionKind
 from fsoe_net.project.known import read_record
+from fsoe_net.project.snapshot import snapshot
 from fsoe_net.report.incident_document import incident_document
 from fsoe_net.studio.folder import Folder
 from fsoe_net.studio.workspace import Workspace
@@ -67,6 +68,7 @@ class Records:
         self._making = asyncio.Lock()
         self._makers: dict[str, Callable[[Query], Document]] = {
             "report": self._report,
+            "robot": self._robot,
             "difference": self._difference,
             "incident": self._incident,
             "log": self._log,
@@ -121,10 +123,22 @@ class Records:
             loading=self._workspace.loading,
         ).document
 
+    def _robot(self, query: Query) -> Document:
+        row = self._folder.find(query.get("file"), CompanionKind.ROBOT)
+        folder = os.path.dirname(row.path)
+        controllers = [
+            other
+            for _, other in self._folder.look()
+            if other.kind is CompanionKind.CONTROLLERS and os.path.dirname(other.path) == folder
+        ]
+        rows = [row, *controllers]
+        checked = check_files([r.path for r in rows], self._workspace.loading)
+        return snapshot(checked, ", ".join(r.name for r in rows))
+
     def _difference(self, query: Query) -> Document:
         checked, resolution = self._network()
         path = self._workspace.path
-        kinds = (CompanionKind.RECORD, CompanionKind.OTHER)
+        kinds = (CompanionKind.RECORD, CompanionKind.ROBOT, CompanionKind.OTHER)
         # The saved file is read again, because another program may have changed it.
         other = self._of(query, "file", *kinds)  # without a file: the network file as saved
         before = read_side(path if other is None else other.path, self._workspace.loading)

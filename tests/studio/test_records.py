@@ -6,6 +6,7 @@ import base64
 import hashlib
 import html
 import re
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -63,6 +64,31 @@ def test_files_next_to_a_network_are_recognised_by_content(path: Path) -> None:
         "log": CompanionKind.LOG,
         "test-record.yaml": CompanionKind.TEST_RECORD,
     }
+
+
+ROBOT = Path(__file__).parents[2] / "examples" / "robot-cell"
+
+
+def test_a_robot_next_to_the_network_is_drawn_with_its_controllers(tmp_path: Path) -> None:
+    shutil.copytree(ROBOT.parent, tmp_path / "examples")
+    network = tmp_path / "examples" / "robot-cell" / "network.yaml"
+    # Of another robot, which is in another folder.
+    (network.parent / "other").mkdir()
+    shutil.copy(ROBOT / "controllers.yaml", network.parent / "other" / "controllers.yaml")
+    kinds = {row.name: row.kind for row in files_beside(str(network))}
+    assert kinds["robot.urdf.xacro"] is CompanionKind.ROBOT
+    assert kinds["controllers.yaml"] is CompanionKind.CONTROLLERS
+    with running(network) as studio:
+        browser = Browser(studio.url)
+        browser.enter()
+        files = _listed(browser)
+        page = _page(browser, f"robot?file={files['robot.urdf.xacro']}")
+        assert "3 controllers, 3 components, 5 SubDevices, 3 FSoE connections" in page
+        assert re.search(r"<script|\ssrc=|\shref=\"http", page) is None
+        _page(browser, f"robot?file={files['controllers.yaml']}", 422)
+        _page(browser, f"difference?file={files['robot.urdf.xacro']}&content=x")
+        (network.parent / "robot.urdf.xacro").write_text("<robot><broken></robot>", "utf-8")
+        assert "FSN118" in _page(browser, f"robot?file={files['robot.urdf.xacro']}")
 
 
 def test_links_out_of_the_folder_are_left_out(

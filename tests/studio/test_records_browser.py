@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 import yaml
+from cases_file import DIAGNOSTICS
 from patience import PATIENCE_S
 from studio.browser import accessible, text_of, write_text
 from studio.records_folder import made_folder
@@ -44,6 +45,8 @@ def tablet(chromium: Any) -> Iterator[Any]:
 def test_documents_are_shown_and_run_nothing(tablet: Any, path: Path) -> None:
     said: list[str] = []
     shutil.copy(ROOT / "docs" / "images" / "report.png", path.parent / "logo.png")
+    for name in ("robot.urdf", "transfers.yaml"):
+        shutil.copy(DIAGNOSTICS / "base" / name, path.parent / name)
     with path.open("a", encoding="utf-8") as file:
         file.write("report: {logo: logo.png}\n")
     with running(path) as studio:
@@ -65,6 +68,8 @@ def test_documents_are_shown_and_run_nothing(tablet: Any, path: Path) -> None:
         page.get_by_label("From").select_option(label="acceptance.yaml, an acceptance record")
         page.get_by_role("button", name="Show the difference").click()
         page.frame_locator("iframe").get_by_text("No difference").first.wait_for()
+        page.get_by_role("button", name="robot.urdf").click()
+        page.frame_locator("iframe").get_by_role("img", name="unbound: nothing").wait_for()
         page.get_by_text("acceptance sign acceptance-new.yaml --key KEY --as verifier").wait_for()
         accessible(page, "light", "dark")
         page.get_by_role("link", name="Network").click()

@@ -1,4 +1,4 @@
-// Documents about the network: report, differences, incidents, intervention log.
+// Documents about the network: report, robot, differences, incidents, intervention log.
 import { useEffect, useRef, useState } from "./vendor/hooks.js";
 import { html } from "./html.js";
 import { ask } from "./server.js";
@@ -46,7 +46,10 @@ export function Records({ state }) {
         <button onClick=${look}>Look again</button>
       </p>
       <${Report} testRecords=${of("test_record")} records=${of("record")} show=${show} />
-      <${Difference} files=${of("record", "other")} show=${show} />
+      <${Pages} title="Robot" files=${of("robot")}
+        none="No robot description (URDF or xacro) next to the network."
+        show=${(/** @type {CompanionFile} */ f) => show(`Robot ${f.name}`, "robot", `file=${f.number}`)} />
+      <${Difference} files=${of("record", "robot", "other")} show=${show} />
       <${Pages} title="Incidents" files=${of("incident").reverse()}
         none="No incident files: fsn-master --incidents writes them, and so does fsoe-net run."
         show=${(/** @type {CompanionFile} */ f) => show(f.name, "incident", `file=${f.number}`)} />

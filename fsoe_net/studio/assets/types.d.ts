@@ -165,7 +165,7 @@ export interface TriedConnection {
 export interface CompanionFile {
   number: number;
   name: string;
-  kind: "incident" | "log" | "record" | "test_record" | "other";
+  kind: "incident" | "log" | "record" | "test_record" | "robot" | "controllers" | "other";
   words: string;
 }
 
