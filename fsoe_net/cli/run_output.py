@@ -159,7 +159,7 @@ def _result(result: Run) -> Document:
     )
     return Document(
         lead=(
-            table,
+            table if rows else words("no FSoE connections"),
             *health_lines(health, STATE_REASONS),
             *health_lines(map(subdevice_health, result.subdevices)),
             words(totals),

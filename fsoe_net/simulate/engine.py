@@ -154,6 +154,8 @@ class Engine:
         if self._auto_release_ns is not None and now_ns >= self._auto_release_ns:
             self._press(False)
             self._auto_release_ns = None
+        if not self.network.mains:
+            return  # nothing has a reset
         times = self.time_to_data_ns
         # All expected connections, and a little later: an earlier press would be ignored.
         settled = all(n in times for n in self.network.mains if self._is_due(n)) and (

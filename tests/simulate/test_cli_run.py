@@ -2,11 +2,13 @@
 
 import importlib.util
 import json
+import re
+import shutil
 import sys
 from pathlib import Path
 
 import pytest
-from live.support import ESTOP, ROBOT, needs_core
+from live.support import ESTOP, EXAMPLES, ROBOT, needs_core
 
 from fsoe_net.cli.main import main
 from fsoe_net.plan.compile import compile_plan
@@ -49,6 +51,29 @@ el1918-ek1914  Data · ProcessData       1       14     2.00 ms    28 ms  0
 500 bus cycles in 0.5 s (virtual), 0 with incomplete working counter, 0 overruns
 """
     )
+
+
+INPUTS = """\
+version: 1
+name: inputs
+cycle_us: 1000
+subdevices:
+  - {name: inputs, position: 0, config: el1008.yaml}
+nets: []
+"""
+
+
+@needs_core
+@pytest.mark.parametrize("mode", ["--virtual-time", "--duration=0.3"])
+def test_a_bus_without_copies_runs(fsn, mode: str, tmp_path: Path):
+    shutil.copy(EXAMPLES / "robot-cell" / "devices" / "el1008.yaml", tmp_path)
+    (tmp_path / "network.yaml").write_text(INPUTS)
+    code, out, err = fsn(str(tmp_path / "network.yaml"), mode, "--duration", "0.3")
+    assert (code, err) == (0, "")
+    assert "reset" not in out
+    found = re.search(r"no FSoE connections\n([0-9]+) bus cycles in 0.3 s .*, 0 with incomp", out)
+    assert found is not None
+    assert int(found[1]) > 0
 
 
 @pytest.mark.uncounted

@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 from live.support import ESTOP, ROBOT, document, needs_core, run, session_of
 
-from fsoe_net.errors import InputError
 from fsoe_net.simulate.session import run_virtual
 
 pytestmark = needs_core
@@ -286,19 +285,6 @@ def test_keyboard_interrupt_keeps_the_result(monkeypatch: pytest.MonkeyPatch):
     result = run_virtual(session, session.duration_ns)
     assert result.duration_ms == 500
     assert result.events[-1].text == "interrupted by the user"
-
-
-def test_a_network_without_a_connection_is_refused():
-    from live.support import resolution_of
-
-    from fsoe_net.model.network import NetworkConfig
-    from fsoe_net.model.resolve import resolve
-    from fsoe_net.project.simulate import prepare
-
-    whole = resolution_of(ESTOP).network
-    empty = resolve(NetworkConfig(name="x", cycle_ns=None, subdevices=whole.subdevices, nets=()))
-    with pytest.raises(InputError, match=r"nothing to emulate: .*; a live bus runs them"):
-        prepare(empty, None, None, virtual=True)
 
 
 def test_a_reset_of_one_logic_leaves_the_other_off(tmp_path: Path):
