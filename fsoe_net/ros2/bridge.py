@@ -20,16 +20,21 @@ from fsoe_net.ros2.messages import (
     SIGNALS,
     DiagnosticArray,
     DiagnosticStatus,
+    GetSdoRequest,
+    GetSdoResponse,
     JointState,
     KeyValue,
     ParameterResult,
     SetParametersRequest,
     SetParametersResponse,
+    SetSdoRequest,
+    SetSdoResponse,
     TriggerRequest,
     TriggerResponse,
 )
 from fsoe_net.ros2.names import legal_text
 from fsoe_net.ros2.node import Node, header
+from fsoe_net.ros2.objects import ObjectServices
 from fsoe_net.ros2.recording import McapFile
 from fsoe_net.ros2.values import Joint, SignalTopic, find_joints, signal_topics
 
@@ -129,6 +134,12 @@ class Bridge:
             (SetParametersRequest, SetParametersResponse),
             self._set_parameters,
         )
+        objects = ObjectServices(self._path)
+        for name, types, answer in (
+            ("get_sdo", (GetSdoRequest, GetSdoResponse), objects.get_sdo),
+            ("set_sdo", (SetSdoRequest, SetSdoResponse), objects.set_sdo),
+        ):
+            self._node.serve(f"{self._prefix}/{name}", types, answer, is_slow=True)
 
     def look(self, stop: threading.Event | None = None) -> BusView:
         """Wait for a moment, then publish the state of the bus and return it.

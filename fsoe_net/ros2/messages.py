@@ -171,6 +171,55 @@ class SetParametersResponse(
     results: types.sequence[ParameterResult]
 
 
+@dataclass
+class GetSdoRequest(IdlStruct, typename="ethercat_msgs::srv::dds_::GetSdo_Request_"):
+    """The object to read."""
+
+    client: types.uint64
+    number: types.int64
+    master_id: types.int16
+    slave_position: types.uint16
+    sdo_index: types.uint16
+    sdo_subindex: types.uint8
+    sdo_data_type: str
+
+
+@dataclass
+class GetSdoResponse(IdlStruct, typename="ethercat_msgs::srv::dds_::GetSdo_Response_"):
+    """Its value; not a number without one."""
+
+    client: types.uint64
+    number: types.int64
+    success: bool
+    sdo_return_message: str
+    sdo_return_value_string: str
+    sdo_return_value: types.float64
+
+
+@dataclass
+class SetSdoRequest(IdlStruct, typename="ethercat_msgs::srv::dds_::SetSdo_Request_"):
+    """The object to write; the definition has signed numbers."""
+
+    client: types.uint64
+    number: types.int64
+    master_id: types.int16
+    slave_position: types.int16
+    sdo_index: types.int16
+    sdo_subindex: types.int16
+    sdo_data_type: str
+    sdo_value: str
+
+
+@dataclass
+class SetSdoResponse(IdlStruct, typename="ethercat_msgs::srv::dds_::SetSdo_Response_"):
+    """Whether it was written."""
+
+    client: types.uint64
+    number: types.int64
+    success: bool
+    sdo_return_message: str
+
+
 # Of the message definitions, calculated by REP 2016 ("RIHS01"): endpoints announce them.
 HASHES: dict[type[IdlStruct], str] = {
     DiagnosticArray: "5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e",
@@ -183,6 +232,10 @@ HASHES: dict[type[IdlStruct], str] = {
     SetParametersRequest: "130d46386b7e84ea9ecf60608a4d83cbe5e5cb7c6cc5b712b7a4e3a6c254e932",
     SetParametersResponse: "7a0e8140a0b8d98308fa81a5403a766e610af29a239caf54b7553227906fc266",
     TriggerResponse: "2d946c21e2fc3f1e9ca6986a8191d85fcc70097a8bb7771a053564bc47009cdf",
+    GetSdoRequest: "46b8c6215ceb76ff22e1265a115b58e59761d28a21d95dee94cdb654f2e9f142",
+    GetSdoResponse: "f493b118480c3aff1aeddf91abace8c4b98ad6e2d124ed840d369304245e5661",
+    SetSdoRequest: "52167612d7877b9f48ca4e24dee1c0cfef8e62dc3020a16d8bc61794ea92a7a5",
+    SetSdoResponse: "cf0086e5419c5b63defcf82b6750dab98c560acf004d3ec1c2f4fa212f617270",
 }
 
 

@@ -46,6 +46,7 @@ _DEPTH = 10  # of rmw_qos_profile_default and rmw_qos_profile_services_default
 _FOUND_S = 1.0
 _MOST_CHANGES = 10_000  # endpoints that appeared or disappeared, handled at a time
 _OURS = "fsoe_net"  # name of each writer
+_MOST_REQUESTS = 32  # of slow services that wait; further ones get no reply
 _MOST_UNREADABLE = 1000  # in a row; then other readers are served
 _WAIT = duration(milliseconds=100)
 _CALLER = b"clientid="  # in the user data of endpoints of a client of `rmw_cyclonedds_cpp`
@@ -83,6 +84,7 @@ class _Service:
     types: tuple[type[IdlStruct], type[IdlStruct]]
     answer: Callable[[Any, str], tuple[Any, ...]]
     mark: str
+    is_slow: bool = False
     reader: DataReader | None = None
     callers: dict[UUID, bool] = field(default_factory=dict)
     """Whether each reader of its replies can be answered."""
@@ -91,7 +93,8 @@ class _Service:
 class Node:
     """Publishers, subscriptions and services of one participant; must be closed.
 
-    Messages are handled by a separate thread, one after another.
+    Messages are handled by a separate thread, one after another; requests of slow services by a
+    second one.
 
     Args:
         domain: Domain ID, 0 to 232.
@@ -124,11 +127,16 @@ class Node:
         self._listener = _Arrived(self._arrivals)
         self._thread = threading.Thread(target=self._serve, name="dds", daemon=True)
         self._thread.start()
+        self._requests: queue.Queue[Callable[[], None] | None] = queue.Queue(_MOST_REQUESTS)
+        self._slow = threading.Thread(target=self._serve_slow, name="dds slow", daemon=True)
+        self._slow.start()
 
     def close(self) -> None:
         """Leave the domain."""
         self._arrivals.put(None)
         self._thread.join()
+        self._requests.put(None)
+        self._slow.join()
         self._readers.clear()
         self._services.clear()
         self._writers.clear()
@@ -174,6 +182,8 @@ class Node:
         name: str,
         types: tuple[type[IdlStruct], type[IdlStruct]],
         answer: Callable[[Any, str], tuple[Any, ...]],
+        *,
+        is_slow: bool = False,
     ) -> None:
         """Serve requests of callers whose rmw is Cyclone DDS, once `offer_services` finds them.
 
@@ -181,11 +191,12 @@ class Node:
             name: Name of the service, with its slash.
             types: Types of a request and of its reply, in `HASHES`.
             answer: Executes the request of a process and returns the fields of the reply.
+            is_slow: Whether it may take seconds; other messages are handled meanwhile.
         """
         # A caller waits until a reader and a writer have the same mark: the server and a number.
         number = len(self._services).to_bytes(4, "big")
         mark = ".".join(f"{b:x}" for b in self._participant.guid.bytes[:12] + number)
-        service = _Service(name, types, answer, f"serviceid={mark};")
+        service = _Service(name, types, answer, f"serviceid={mark};", is_slow)
         self._services[f"rr{name}Reply"] = service
 
     def offer_services(self) -> tuple[str, ...]:
@@ -214,7 +225,7 @@ class Node:
         qos = _qos(answering, extra=service.mark)
         writer = self._writer(f"rr{service.name}Reply", answering, qos)
 
-        def received(request: Any, sender: str) -> None:
+        def respond(request: Any, sender: str) -> None:
             # A caller that receives no reply would not know that its request was executed.
             if _is_reached(writer, sender):
                 fields = service.answer(request, sender)
@@ -222,6 +233,13 @@ class Node:
             else:
                 self.unanswered += 1
 
+        def postpone(request: Any, sender: str) -> None:
+            try:
+                self._requests.put_nowait(partial(respond, request, sender))
+            except queue.Full:
+                self.unanswered += 1
+
+        received = postpone if service.is_slow else respond
         qos = _qos(asking, extra=service.mark)
         return self._receive(f"rq{service.name}Request", asking, qos, received)
 
@@ -259,6 +277,10 @@ class Node:
         # No local variable of this loop may hold a reader: it would outlive its service.
         while self._handle(self._arrivals.get()):
             pass
+
+    def _serve_slow(self) -> None:
+        while (request := self._requests.get()) is not None:
+            request()
 
     def _handle(self, reader: DataReader | None) -> bool:
         """Handle all messages of a reader; return whether more can arrive."""

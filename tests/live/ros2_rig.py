@@ -6,9 +6,11 @@ import signal
 import time
 
 from live.live_rig import CASES, Emulator, Running, main
+from ros2.caller import Caller
 from ros2.rig import Peer, System, bridged, typestore
 
 from fsoe_net.live.client import Client
+from fsoe_net.ros2 import messages
 
 ARRAY = "diagnostic_msgs::msg::dds_::DiagnosticArray_"
 
@@ -48,6 +50,27 @@ def reset(network, _other):
         for _, rows in found:
             if all(row.level <= 1 for row in rows.values()):
                 break
+    running.end(signal.SIGINT)
+    emulator.end()
+    return seen
+
+
+def objects(network, _other):
+    """A node reads the identity of a drive, and writes objects that may and may not be written."""
+    emulator = Emulator(network)
+    running = Running(network)
+    with bridged(running.socket, allow_control=True) as domain:
+        get = Caller(domain, "/cell/get_sdo", messages.GetSdoRequest, messages.GetSdoResponse)
+        put = Caller(domain, "/cell/set_sdo", messages.SetSdoRequest, messages.SetSdoResponse)
+        seen = {
+            "vendor": get.call(0, 4, 0x1018, 1, "uint32").sdo_return_value,
+            "missing": get.call(0, 4, 0x2FFF, 1, "uint32").sdo_return_message,
+            "written": [
+                put.call(0, 4, index, 0, "uint32", "1234").success
+                for index in (0x6083, 0xF980 - 0x10000, 0x6610)
+            ],
+        }
+        seen["then"] = get.call(0, 4, 0x6083, 0, "uint32").sdo_return_value
     running.end(signal.SIGINT)
     emulator.end()
     return seen
@@ -156,7 +179,7 @@ def axis(network, program, scenario):
     return seen
 
 
-CASES |= {"adapter": adapter, "axis": axis, "reset": reset}
+CASES |= {"adapter": adapter, "axis": axis, "objects": objects, "reset": reset}
 
 if __name__ == "__main__":
     main()

@@ -45,6 +45,18 @@ _SERVICES = {
         "rcl_interfaces/Parameter[] parameters\n",
         "rcl_interfaces/SetParametersResult[] results\n",
     ),
+    # Of ethercat_msgs, as its repository has them.
+    "ethercat_msgs/srv/GetSdo": (
+        "int16 master_id\nuint16 slave_position\nuint16 sdo_index\nuint8 sdo_subindex\n"
+        "string sdo_data_type\n",
+        "bool success\nstring sdo_return_message\nstring sdo_return_value_string\n"
+        "float64 sdo_return_value\n",
+    ),
+    "ethercat_msgs/srv/SetSdo": (
+        "int16 master_id\nint16 slave_position\nint16 sdo_index\nint16 sdo_subindex\n"
+        "string sdo_data_type\nstring sdo_value\n",
+        "bool success\nstring sdo_return_message\n",
+    ),
 }
 
 

@@ -28,7 +28,7 @@ from ros2.found import Found
 from ros2.rig import Peer, bridged, needed, own_domain, typestore
 
 from fsoe_net.errors import EnvironmentFault
-from fsoe_net.ros2 import control, messages, node
+from fsoe_net.ros2 import control, messages, node, objects
 from fsoe_net.ros2.messages import HASHES, SIGNALS, DiagnosticArray, TriggerRequest
 from fsoe_net.ros2.values import SignalKind
 from fsoe_net.testing.fake_master import FakeMaster
@@ -39,6 +39,7 @@ JOINTS = "sensor_msgs::msg::dds_::JointState_"
 BOOL = "std_msgs::msg::dds_::Bool_"
 LAMP = "el2904.standard_1"
 LAMP_TOPIC = "rt/cell/outputs/el2904/standard_1"
+DRIVE = 4  # position of drive_1
 RESET = 1
 
 
@@ -402,6 +403,53 @@ def test_a_service_sets_outputs_and_gives_the_reason(robot: Master, lamp: Client
         (long,) = caller.call([parameter("\x1b" * 100_000, True)]).results
         assert long.reason == "\\u001b" * 100 + " is not an output that nodes may set"
         assert caller.call([]).results == []
+
+
+def test_an_object_that_commands_a_drive_is_not_written(robot: Master) -> None:
+    with bridged(robot.path, allow_control=True) as domain:
+        put = Caller(domain, "/cell/set_sdo", messages.SetSdoRequest, messages.SetSdoResponse)
+        get = Caller(domain, "/cell/get_sdo", messages.GetSdoRequest, messages.GetSdoResponse)
+        for index in (0x6040, 0x607A, 0x68FF, 0x9860 - 0x10000):
+            refused = put.call(0, DRIVE, index, 0, "uint16", "15")
+            assert not refused.success
+            assert "a real-time client of fsn-master moves axes" in refused.sdo_return_message
+        for place, kind, text in (
+            ((0, 40), "uint32", "no SubDevice at position 40 of bus 0"),
+            ((3, DRIVE), "uint32", f"no SubDevice at position {DRIVE} of bus 3"),
+            ((0, DRIVE), "sm8\x1b", "no data type sm8\\u001b; known: bool, int8"),
+        ):
+            reply = get.call(*place, 0x1018, 1, kind)
+            assert (reply.success, math.isnan(reply.sdo_return_value)) == (False, True)
+            assert text in reply.sdo_return_message
+        for value in ("1\nstop", "x" * 5000):
+            assert not put.call(0, DRIVE, 0x6083, 0, "uint32", value).success
+
+
+def test_a_slow_object_delays_no_output(
+    robot: Master, lamp: Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked, answered = threading.Event(), threading.Event()
+
+    def slow(*_: object) -> tuple[bool, str, str, float]:
+        asked.set()
+        answered.wait(PATIENCE_S)
+        return True, "", "", 0.0
+
+    monkeypatch.setattr(objects.ObjectServices, "get_sdo", slow)
+    with bridged(robot.path, allow_control=True) as domain:
+        get = Caller(domain, "/cell/get_sdo", messages.GetSdoRequest, messages.GetSdoResponse)
+        reader = threading.Thread(target=get.call, args=(0, DRIVE, 0x1018, 1, "uint32"))
+        reader.start()
+        assert asked.wait(PATIENCE_S)
+        caller = Caller(
+            domain,
+            "/cell/set_parameters",
+            messages.SetParametersRequest,
+            messages.SetParametersResponse,
+        )
+        lights(lamp, partial(caller.call, [parameter(LAMP, True)]))
+        answered.set()
+        reader.join()
 
 
 def test_a_refusal_is_the_answer_and_a_warning() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from live.on_the_wire import ESTOP, on_the_wire
+from live.on_the_wire import ESTOP, ROBOT, on_the_wire
 from ros2.rig import peer_program
 
 
@@ -14,3 +14,11 @@ def test_a_reset_is_an_error_within_a_second(tmp_path: Path) -> None:
         "reset", ESTOP, tmp=tmp_path, script="live/ros2_rig.py", good=lambda s: s["after_s"] < 1.0
     )
     assert seen["after_s"] > -0.25  # the picture may have been begun before
+
+
+def test_objects_are_read_and_written_as_ethercat_msgs_has_it(tmp_path: Path) -> None:
+    """The identity is that of the device file; safety objects are never written."""
+    seen = on_the_wire("objects", ROBOT, tmp=tmp_path, script="live/ros2_rig.py")
+    assert seen["vendor"] == 0x22D2
+    assert "0x06020000" in seen["missing"]  # ETG.1000: the object does not exist
+    assert (seen["written"], seen["then"]) == ([True, False, False], 1234)
