@@ -194,13 +194,14 @@ class RobotComponent:
 
     ``kind`` is ``joint``, ``gpio`` or ``sensor``; ``states`` and ``commands`` are the names of its
     interfaces in the order of the description, ``places`` are their places in the file, the states
-    first.
+    first. ``limits`` are the lowest and highest position of a joint in rad or m, if stated.
     """
 
     kind: str
     name: str
     states: tuple[str, ...] = ()
     commands: tuple[str, ...] = ()
+    limits: tuple[float, float] | None = None
     places: tuple[Span, ...] = field(default=(), compare=False)
 
     def __str__(self) -> str:

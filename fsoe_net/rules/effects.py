@@ -105,6 +105,7 @@ _ROS2_EFFECT = {
     "FSN487": "scales as written",
     "FSN488": "sends the SDO as written, and frames at its own rate",
     "FSN489": "sends the SDO; the IgH master then writes rpdo and tpdo, or warns in the kernel log",
+    "FSN490": "casts the scaled command to the type of the channel without a check",
     "FSN601": "starts; the FSoE watchdog expires without any fault",
 }
 

@@ -1,4 +1,4 @@
-"""FSN486, FSN487: factors and offsets of a command of a drive, and of the state next to it."""
+"""FSN486, FSN487, FSN490: factors and offsets of commands, states and limits of joints."""
 
 from __future__ import annotations
 
@@ -6,10 +6,17 @@ from dataclasses import dataclass
 
 from fsoe_net.diag.diagnostic import Related, Severity
 from fsoe_net.model.bus import Entry, SubDevice
-from fsoe_net.model.drives import CIA402_PLUGIN, TARGET_POSITION, drive_axes
+from fsoe_net.model.drives import (
+    CIA402_PLUGIN,
+    GENERIC_PLUGINS,
+    TARGET_POSITION,
+    drive_axes,
+)
+from fsoe_net.model.robot_graph import RobotChannel, ServedComponent, served_components
 from fsoe_net.rules.context import Context
 
 _PAIRS = {TARGET_POSITION: 0x6064, 0x60FF: 0x606C, 0x6071: 0x6077}  # target: actual value
+_FEW_INCREMENTS = 20  # of a whole travel; three turns in rad are less
 _ROUNDED, _NOTED = 1e-3, 1e-2  # relative: factors are written with some digits
 
 
@@ -45,6 +52,8 @@ def check_scaling(ctx: Context) -> None:
                     by_plugin = sub.plugin == CIA402_PLUGIN and command.index == TARGET_POSITION
                     if _is_known(command, state) and (by_plugin or _is_one(command, state)):
                         _compare(ctx, sub, _Scales(command, state))
+    for node in served_components(ctx.resolution.network.subdevices):
+        _limits(ctx, node)
 
 
 def _is_known(command: Entry, state: Entry) -> bool:
@@ -85,3 +94,54 @@ def _compare(ctx: Context, sub: SubDevice, scales: _Scales) -> None:
             "correct those of the state",
             related=related,
         )
+
+
+def _limits(ctx: Context, node: ServedComponent) -> None:
+    """FSN490: limits of a joint in increments of its drive."""
+    limits = node.component.limits
+    if limits is None:
+        return
+    requests = dict(node.requests(is_command=True))
+    for channel in node.channels(is_command=True):
+        if channel.name in requests and _is_target_position(channel):
+            low, high = sorted(v * channel.entry.factor + channel.entry.offset for v in limits)
+            joint = Related(span=requests[channel.name], message=str(node))
+            _express(ctx, channel, (low, high), joint)
+
+
+def _is_target_position(channel: RobotChannel) -> bool:
+    """Whether a channel is a target position in increments."""
+    entry, layout = channel.entry, channel.subdevice.layout
+    is_integer = entry.type_name.removeprefix("u").startswith("int")
+    if channel.subdevice.plugin not in GENERIC_PLUGINS or layout is None or not is_integer:
+        return False
+    targets = {TARGET_POSITION + axis.base for axis in drive_axes(layout)}
+    return entry.index in targets and _is_known(entry, entry)
+
+
+def _express(
+    ctx: Context, channel: RobotChannel, limits: tuple[float, float], joint: Related
+) -> None:
+    (low, high), (lowest, highest) = limits, _range(channel.entry)
+    is_unscaled = high - low < _FEW_INCREMENTS
+    if not is_unscaled and lowest <= low and high <= highest:
+        return
+    ctx.add(
+        "FSN490",
+        channel.entry.at("factor"),
+        f"the limits of {joint.message} are {low:g} and {high:g} increments of {channel}: "
+        + (
+            "the command is sent in rad or m, and the drive counts increments"
+            if is_unscaled
+            else f"{channel.entry.type_name} does not hold them, and the drive gets another position"
+        ),
+        hint="write as factor the increments of the drive for one rad or m",
+        related=(joint,),
+    )
+
+
+def _range(entry: Entry) -> tuple[int, int]:
+    """Return the numbers that an integer entry holds."""
+    if entry.type_name.startswith("u"):
+        return 0, 2**entry.bits - 1
+    return -(2 ** (entry.bits - 1)), 2 ** (entry.bits - 1) - 1

@@ -15,6 +15,7 @@ from fsoe_net.formats.ros2.urdf_params import DRIVER_PLUGIN
 from fsoe_net.formats.ros2.urdf_system import (
     COMPONENTS,
     DriverSystem,
+    joint_limits,
     plugin_of,
     read_system,
     robot_component,
@@ -60,6 +61,7 @@ def load_urdf(path: str | os.PathLike[str], options: LoadOptions | None = None) 
     if written is not None and uses_xacro(written):
         root = expand_xacro(os.fspath(path), out, options or LoadOptions())
     if written is not None and root is not None:
+        limits = joint_limits(root)
         all_blocks = list(root.all("ros2_control"))
         blocks = [e for e in all_blocks if _is_ethercat(e)]
         if not blocks:
@@ -67,11 +69,11 @@ def load_urdf(path: str | os.PathLike[str], options: LoadOptions | None = None) 
         _component_names(blocks, out)
         _offered_twice(blocks, [b for b in all_blocks if not _is_ethercat(b)], out)
         _modules_outside(blocks, out)
-        systems = _with_master_numbers([read_system(block, out) for block in blocks])
+        systems = _with_master_numbers([read_system(b, out, limits) for b in blocks])
     return UrdfResult(
         systems=tuple(systems),
         components=tuple(
-            robot_component(e) for b in all_blocks for e in b.children if e.name in COMPONENTS
+            robot_component(e, {}) for b in all_blocks for e in b.children if e.name in COMPONENTS
         ),
         is_closed=len(blocks) == len(all_blocks),
         diagnostics=tuple(out.diagnostics),
@@ -203,6 +205,6 @@ def _offered_twice(blocks: list[Element], others: list[Element], out: Collector)
 
 def _interfaces(block: Element) -> Iterator[tuple[tuple[bool, str, str], Span]]:
     for element in (e for e in block.children if e.name in COMPONENTS):
-        component = robot_component(element)
+        component = robot_component(element, {})
         for is_command, name, place in component.interfaces():
             yield (is_command, component.name, name), place

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
@@ -22,6 +23,7 @@ from fsoe_net.formats.shared.xml_tree import Element
 from fsoe_net.model.bus import Located, RobotComponent
 from fsoe_net.model.drives import CIA402_PLUGIN
 
+Limits = Mapping[str, tuple[float, float]]
 COMPONENTS = ("joint", "gpio", "sensor")  # the order in which the driver adds modules
 _SYSTEM_PARAMS = (
     "master_id",
@@ -100,17 +102,19 @@ def plugin_of(block: Element) -> Element | None:
     return plugin if plugin is not None and plugin.text.strip() else None
 
 
-def read_system(block: Element, out: Collector) -> DriverSystem:
+def read_system(block: Element, out: Collector, limits: Limits) -> DriverSystem:
     """Read a block that belongs to the EtherCAT driver; findings are added to ``out``."""
-    return _System(block, out).read()
+    return _System(block, out, limits).read()
 
 
 class _System:
     """Reads one ``ros2_control`` block."""
 
-    def __init__(self, block: Element, out: Collector) -> None:
+    def __init__(self, block: Element, out: Collector, limits: Limits) -> None:
         self._block = block
         self._out = out
+        # A transmission changes the unit of a joint before the driver sees it.
+        self._limits: Limits = {} if block.first("transmission") is not None else limits
 
     def read(self) -> DriverSystem:
         block, out = self._block, self._out
@@ -215,7 +219,7 @@ class _System:
             position=-1 if position is None else position,
             slave_config=params.text("slave_config") or "",
             required=read_flag(params, "required", out),
-            components=(robot_component(component),),
+            components=(robot_component(component, self._limits),),
             mode=read_mode(params, out)
             if plugin is not None and plugin.text == CIA402_PLUGIN
             else None,
@@ -244,12 +248,30 @@ class _System:
         return [replace(m, position=next(free, 0)) if m.position < 0 else m for m in modules]
 
 
-def robot_component(element: Element) -> RobotComponent:
+def joint_limits(robot: Element) -> Limits:
+    """Return the positions between which joints of a URDF can move, by name."""
+    found: dict[str, tuple[float, float]] = {}
+    for joint in robot.all("joint"):
+        limit = joint.first("limit")
+        if limit is None or joint.attributes.get("type") not in ("revolute", "prismatic"):
+            continue
+        try:
+            lower, upper = (float(limit.attributes.get(key, "0")) for key in ("lower", "upper"))
+        except ValueError:
+            continue
+        if -math.inf < lower < upper < math.inf:
+            found[joint.attributes.get("name", "")] = (lower, upper)
+    return found
+
+
+def robot_component(element: Element, limits: Limits) -> RobotComponent:
     """Return a joint, gpio or sensor with its interfaces."""
     states, commands = (element.all(f"{side}_interface") for side in ("state", "command"))
+    name = element.attributes.get("name", "")
     return RobotComponent(
         kind=element.name,
-        name=element.attributes.get("name", ""),
+        name=name,
+        limits=limits.get(name) if element.name == "joint" else None,
         states=tuple(row.attributes.get("name", "") for row in states),
         commands=tuple(row.attributes.get("name", "") for row in commands),
         places=tuple(row.span for row in (*states, *commands)),
