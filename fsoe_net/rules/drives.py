@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
-from fsoe_net.diag.diagnostic import Severity, Span
+from fsoe_net.diag.diagnostic import Related, Severity, Span
 from fsoe_net.model.bus import Device, Entry, SubDevice
 from fsoe_net.model.drives import (
     CIA402_PLUGIN,
@@ -42,6 +42,11 @@ class _Axis:
     def object(self, index: int) -> str:
         return f"0x{index + self.base:04x}"
 
+    def is_switched(self, commands: Collection[str | None]) -> bool:
+        """Whether a command changes the mode of operation."""
+        entry = self.outputs.get(MODE_OF_OPERATION)
+        return entry is not None and entry.command_interface in commands
+
     def mode(self) -> tuple[int, Span] | None:
         """Return the mode of operation stated in the file, and its place."""
         entry = self.outputs.get(MODE_OF_OPERATION)
@@ -71,7 +76,7 @@ def check_drives(ctx: Context) -> None:
             by_plugin = sub.plugin == CIA402_PLUGIN and known and axis.base == 0
             _state(ctx, axis, sub, by_plugin=by_plugin)
             _mode(ctx, axis, sub, by_plugin=by_plugin)
-            _targets(ctx, axis, by_plugin=by_plugin)
+            _targets(ctx, axis, sub, by_plugin=by_plugin)
 
 
 def _entries(placed: Mapping[int, tuple[int, Placed]]) -> dict[int, Entry]:
@@ -160,7 +165,7 @@ def _is_idle(entry: Entry, sub: SubDevice) -> bool:
     return is_driver and not entry.default and entry.command_interface not in commands
 
 
-def _targets(ctx: Context, axis: _Axis, *, by_plugin: bool) -> None:
+def _targets(ctx: Context, axis: _Axis, sub: SubDevice, *, by_plugin: bool) -> None:
     stated = axis.mode()
     if stated is not None and stated[0] in _CYCLIC:
         mode, span = stated
@@ -173,6 +178,8 @@ def _targets(ctx: Context, axis: _Axis, *, by_plugin: bool) -> None:
                 "no RxPDO has it",
                 hint=f"map {axis.object(index)} in an RxPDO, or state the mode that is used",
             )
+        else:
+            _commanded_targets(ctx, axis, sub, (mode, span))
     target = axis.outputs.get(TARGET_POSITION)
     # Other modes do not follow a target position.
     if target is not None and (stated is None or stated[0] == 8):
@@ -190,8 +197,30 @@ def _targets(ctx: Context, axis: _Axis, *, by_plugin: bool) -> None:
         _position(ctx, axis, target, by_plugin=by_plugin)
 
 
+def _commanded_targets(ctx: Context, axis: _Axis, sub: SubDevice, stated: tuple[int, Span]) -> None:
+    """FSN470 if a robot commands only targets of other modes."""
+    mode, span = stated
+    index = _CYCLIC[mode][1]
+    commands = {name for c in sub.components for name in c.commands}
+    commanded = [
+        axis.outputs[target]
+        for _, target in _CYCLIC.values()
+        if target in axis.outputs and axis.outputs[target].command_interface in commands
+    ]
+    if commanded and axis.outputs[index] not in commanded and not axis.is_switched(commands):
+        ctx.add(
+            "FSN470",
+            commanded[0].at("command_interface"),
+            f"the command {commanded[0].command_interface} goes to {commanded[0].address}; mode "
+            f"{mode} takes its target from {axis.object(index)}, which no command reaches",
+            severity=Severity.WARNING,
+            hint="state the mode of this command, or command the target of the mode",
+            related=(Related(span=span, message=f"mode {mode}"),),
+        )
+
+
 def _position(ctx: Context, axis: _Axis, target: Entry, *, by_plugin: bool) -> None:
-    if _ACTUAL_POSITION not in axis.inputs and not by_plugin:
+    if _ACTUAL_POSITION not in axis.inputs and not (by_plugin and _unread(axis)):
         ctx.add(
             "FSN471",
             target.span,

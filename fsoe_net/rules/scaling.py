@@ -133,7 +133,7 @@ def _express(
         + (
             "the command is sent in rad or m, and the drive counts increments"
             if is_unscaled
-            else f"{channel.entry.type_name} does not hold them, and the drive gets another position"
+            else f"{channel.entry.type_name} cannot hold them, the drive gets another position"
         ),
         hint="write as factor the increments of the drive for one rad or m",
         related=(joint,),

@@ -42,6 +42,14 @@ COMMAND = '<command_interface name="position"/>'
 NO_MODE = [ROBOT, '<param name="mode_of_operation">8</param>', ""]
 FIXED = [DRIVE, TARGET, "type: int32, default: 5, command_interface: position}"]
 NOT_A_NUMBER = [DRIVE, TARGET, "type: int32, default: .nan, command_interface: position}"]
+VELOCITY_TOO = [
+    DRIVE,
+    "      - {index: 0x607a,",
+    "      - {index: 0x60ff, sub_index: 0, type: int32, command_interface: velocity}\n"
+    "      - {index: 0x607a,",
+]
+VELOCITY_COMMAND = '<command_interface name="velocity"/>'
+COMMANDS_VELOCITY = [ROBOT, COMMAND, VELOCITY_COMMAND]
 SECOND = [
     [
         DRIVE,
@@ -64,6 +72,32 @@ CASES = {
     "velocity without its target": ([*URDF_MODE_9, mode(8)], ["FSN470"]),
     "the plugin writes the mode of the URDF": ([mode(9)], []),
     "a generic plugin writes that of the slave YAML": ([mode(9), GENERIC], ["FSN470"]),
+    "a velocity is commanded in a mode of positions": (
+        [mode(8), VELOCITY_TOO, COMMANDS_VELOCITY],
+        ["FSN470"],
+    ),
+    "a velocity is commanded as well": (
+        [mode(8), VELOCITY_TOO, [ROBOT, COMMAND, COMMAND + VELOCITY_COMMAND]],
+        [],
+    ),
+    "a velocity is commanded in its mode": (
+        [*URDF_MODE_9, mode(9), VELOCITY_TOO, COMMANDS_VELOCITY],
+        [],
+    ),
+    "a start-up mode that a command changes": (
+        [
+            NO_MODE,
+            start_up(8),
+            mapped_mode(", command_interface: mode"),
+            VELOCITY_TOO,
+            [ROBOT, COMMAND, VELOCITY_COMMAND + '<command_interface name="mode"/>'],
+        ],
+        [],
+    ),
+    "a fixed target without the actual one": (
+        [FIXED, HIDDEN, NO_ACTUAL],
+        ["FSN471", "FSN473"],
+    ),
     "torque without its target": ([start_up(10)], ["FSN470"]),
     "homing takes no target": ([start_up(6), NO_ACTUAL], []),
     "profile position is no loop": ([start_up(1), NO_ACTUAL], []),
