@@ -10,6 +10,7 @@ from fsoe_net.rules.connections import check_connections, check_drivers
 from fsoe_net.rules.context import Context
 from fsoe_net.rules.controllers import check_controllers
 from fsoe_net.rules.cycle_times import check_cycle_times
+from fsoe_net.rules.defaults import check_defaults
 from fsoe_net.rules.devices import check_devices
 from fsoe_net.rules.drives import check_drives
 from fsoe_net.rules.frames import check_frames
@@ -34,6 +35,7 @@ def check(resolution: Resolution, *, runtime: Runtime = Runtime.FSN) -> list[Dia
     ctx = Context(resolution=resolution)
     # The order matters: a mistake is reported at its origin, and not again by later rules.
     check_devices(ctx)
+    check_defaults(ctx, runtime)
     check_start_up(ctx)
     check_drives(ctx)
     check_scaling(ctx)

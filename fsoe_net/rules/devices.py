@@ -24,7 +24,6 @@ def check_devices(ctx: Context) -> None:
         _sync_managers(ctx, number, device)
         for sm in device.layout.managers:
             _entries(ctx, sm)
-            _defaults(ctx, sm)
             _sync_manager_size(ctx, sm, sub)
         _entries_twice(ctx, device.layout)
         if number not in ctx.exchanged:  # FSN401 has reported the cause
@@ -311,32 +310,6 @@ def _interfaces(ctx: Context, device: Device) -> None:
                     severity=None if group == "tpdo" else Severity.INFO,
                     hint=f"use {own} here",
                 )
-
-
-def _defaults(ctx: Context, sm: SmLayout) -> None:
-    """FSN450: an output that not every driver writes, unless its default is 0."""
-    if sm.sm.direction is not Direction.OUTPUT:
-        return
-    for placed in sm.placed:
-        entry = placed.entry
-        # A default of 0 has no effect, because the memory starts with 0.
-        if not entry.default or {"command_interface", "data_mapping"} & set(entry.fields):
-            continue
-        if entry.is_gap or sm.block_at(placed.bit_offset) is not None or _by_drive_plugin(entry):
-            continue
-        ctx.add(
-            "FSN450",
-            entry.at("default"),
-            f"{entry.address} has a default and no command_interface: ethercat_driver_ros2 of 2025 "
-            "then ignores the default and the output stays 0; versions of 2024 and the newest "
-            "write it",
-            hint="write `command_interface: ~` too: every version then writes the default",
-        )
-
-
-def _by_drive_plugin(entry: Entry) -> bool:
-    """Whether EcCiA402Drive writes it: the controlword and the mode of operation of an axis."""
-    return entry.index in range(0x6000, 0xA000) and entry.index % 0x800 in (0x40, 0x60)
 
 
 def _image_size(ctx: Context) -> None:

@@ -149,3 +149,14 @@ def test_the_page_has_all_runtimes_and_their_findings():
     assert all(f"| `{r.value}` |" in text for r in Runtime)
     assert {c for c in CATALOGUE if c.startswith("FSN46")} <= set(re.findall(r"FSN46[0-9]", text))
     assert "<!-- effects -->" in text  # the table is made when the documentation is built
+
+
+@pytest.mark.parametrize("runtime", Runtime)
+def test_a_default_that_the_chosen_version_does_not_write_is_a_warning(
+    runtime: Runtime, tmp_path: Path
+):
+    shutil.copytree(cases.HERE / "base", tmp_path, dirs_exist_ok=True)
+    cases._seed(tmp_path, cases.CASES["FSN450"])
+    rows = check(resolved(tmp_path / "robot.urdf"), runtime=runtime)
+    level = Severity.WARNING if runtime is Runtime.ROS2_2025 else Severity.INFO
+    assert [d.level for d in rows if d.code == "FSN450"] == [level]
