@@ -65,7 +65,7 @@ def _times(device: Device) -> Iterator[tuple[Sdo, float]]:
         index = _INTERPOLATION + axis * AXIS_STEP
         value, exponent = values.get((index, 1)), values.get((index, 2))
         power = _BY_DEFAULT if exponent is None else exponent.value
-        if value is not None and power in _EXPONENTS:
+        if value is not None and value.value > 0 and power in _EXPONENTS:
             yield value, value.value * 10.0 ** (9 + power)
     for index in _SYNC_PARAMETERS:
         sdo = values.get((index, 2))

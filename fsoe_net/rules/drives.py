@@ -62,13 +62,14 @@ class _Axis:
 
 def check_drives(ctx: Context) -> None:
     """Check each device type that has axes once."""
-    for _, device, sub in ctx.devices():
+    for number, device, sub in ctx.devices():
         axes = [
             _Axis(device, found.base, _entries(found.outputs), _entries(found.inputs))
             for found in drive_axes(device.layout)
         ]
-        # A PDO without channels can have any object.
+        # A PDO without channels can have any object; FSN401 and FSN409 have reported the others.
         known = all(sm.complete for sm in device.layout.managers)
+        known = known and number not in ctx.exchanged | ctx.unassigned
         if sub.plugin == CIA402_PLUGIN and known and not axes:
             _never_enabled(ctx, sub, CONTROLWORD)
         for axis in axes:

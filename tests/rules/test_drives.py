@@ -140,6 +140,14 @@ CASES = {
         [NO_STATUS, NO_ACTUAL, [DRIVE, "tpdo:\n", "tpdo:\n  - {index: 0x1a01}\n"]],
         ["FSN472", "FSN471", "FSN406"],
     ),
+    "PDOs in the list of the other direction": (
+        [[DRIVE, "index: 0x1600", "index: 0x1a02"], [DRIVE, "0x6040, sub", "0x6041, sub"]],
+        ["FSN401"],
+    ),
+    "PDOs on no sync manager": (
+        [[DRIVE, "rpdo:\n", "sm:\n  - {index: 3, type: input, pdo: tpdo}\nrpdo:\n"]],
+        ["FSN409"],
+    ),
     "nothing writes the mode": ([NO_MODE, mapped_mode("")], ["FSN485"]),
     "no joint has the command for the mode": (
         [NO_MODE, mapped_mode(", command_interface: mode, default: 0")],
@@ -191,3 +199,15 @@ def test_a_mode_that_is_not_mapped_is_a_note(
     monkeypatch.chdir(folder)
     rows = [d for d in cases.findings({"check": ["robot.urdf"]}) if d.code == "FSN485"]
     assert [(str(d.span), d.level) for d in rows] == [(p, Severity.INFO) for p in places]
+
+
+@pytest.mark.parametrize(("plugin", "count"), [([], 0), ([GENERIC], 1)])
+def test_only_the_drive_plugin_writes_a_mode_without_an_interface(
+    plugin: list, count: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "case"
+    shutil.copytree(cases.HERE / "base", folder)
+    cases._seed(folder, {"edit": [mode(8), *plugin]})
+    monkeypatch.chdir(folder)
+    rows = cases.findings({"check": ["robot.urdf"]})
+    assert [d.code for d in rows].count("FSN450") == count

@@ -214,7 +214,7 @@ def _scale(node: MapNode, key: str, without: float, out: Collector) -> float:
     out.add(
         "FSN487",
         node.at(key),
-        f"{key} {(node.text(key) or '')[:40]}: this channel has the same value for all commands",
+        f"{key} {(node.text(key) or '')[:40]}: this channel always has the same value",
         severity=Severity.ERROR,
         hint=f"write the {key} between the device and the interface, or leave it out",
     )
