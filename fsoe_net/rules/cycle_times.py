@@ -23,9 +23,9 @@ def check_cycle_times(ctx: Context) -> None:
     for _, device, sub in ctx.devices():
         cycle_ns = _cycle_of(ctx.resolution.network, sub)
         if cycle_ns:
-            for sdo, time_ns in _times(device):
-                if abs(time_ns - cycle_ns) > _SAME * cycle_ns:
-                    _another_time(ctx, sub, sdo, (time_ns, cycle_ns))
+            for sdo, unit_ns in _times(device):
+                if abs(sdo.value * unit_ns - cycle_ns) > _SAME * cycle_ns:
+                    _another_time(ctx, sub, sdo, (unit_ns, cycle_ns))
 
 
 def _update_rates(ctx: Context) -> None:
@@ -59,29 +59,33 @@ def _cycle_of(network: NetworkConfig, sub: SubDevice) -> int | None:
 
 
 def _times(device: Device) -> Iterator[tuple[Sdo, float]]:
-    """Yield the start-up SDOs that tell a drive its cycle, with the time in ns."""
+    """Yield the start-up SDOs that tell a drive its cycle, with the unit of their value in ns."""
     values = {(sdo.index, sdo.subindex): sdo for sdo in device.sdos}
     for axis in range(len(drive_axes(device.layout))):
         index = _INTERPOLATION + axis * AXIS_STEP
         value, exponent = values.get((index, 1)), values.get((index, 2))
         power = _BY_DEFAULT if exponent is None else exponent.value
         if value is not None and value.value > 0 and power in _EXPONENTS:
-            yield value, value.value * 10.0 ** (9 + power)
+            yield value, 10.0 ** (9 + power)
     for index in _SYNC_PARAMETERS:
         sdo = values.get((index, 2))
         if sdo is not None and sdo.value > 0:
-            yield sdo, sdo.value
+            yield sdo, 1.0
 
 
 def _another_time(ctx: Context, sub: SubDevice, sdo: Sdo, times_ns: tuple[float, int]) -> None:
     network = ctx.resolution.network
     key = "control_frequency" if sub.system else "cycle_us"
-    stated, cycle = (f"{ns / 1e6:g} ms" for ns in times_ns)
+    unit_ns, cycle_ns = times_ns
+    stated, cycle = (f"{ns / 1e6:g} ms" for ns in (sdo.value * unit_ns, cycle_ns))
+    value = cycle_ns / unit_ns
     ctx.add(
         "FSN488",
         sdo.at("value"),
         f"{sub.name} is told a cycle of {stated} (0x{sdo.index:04x}:{sdo.subindex:02x}), the bus "
         f"cycle is {cycle}: the drive expects its targets at another rate",
-        hint=f"write the value for {cycle}",
+        hint=f"write {value:.0f}"
+        if value.is_integer()
+        else f"write a value and, in subindex 2, an exponent for {cycle}",
         related=(Related(span=network.at(key), message="the bus cycle"),),
     )

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from fsoe_net.diag.diagnostic import Diagnostic
 from fsoe_net.project.check import check_files
 
 DRIVE = """\
@@ -35,11 +36,15 @@ def row(index: str, subindex: int, value: int) -> str:
     return f"  - {{index: {index}, sub_index: {subindex}, type: int32, value: {value}}}"
 
 
-def lines(tmp_path: Path, sdo: list[str], cycle_us: int) -> list[int]:
+def found(tmp_path: Path, sdo: list[str], cycle_us: int) -> list[Diagnostic]:
     (tmp_path / "drive.yaml").write_text(DRIVE.format(sdo="\n".join(sdo)), "utf-8")
     network = tmp_path / "network.yaml"
     network.write_text(NETWORK.format(cycle=cycle_us), "utf-8")
-    return [d.span.line for d in check_files([str(network)]).diagnostics if d.code == "FSN488"]
+    return [d for d in check_files([str(network)]).diagnostics if d.code == "FSN488"]
+
+
+def lines(tmp_path: Path, sdo: list[str], cycle_us: int) -> list[int]:
+    return [d.span.line for d in found(tmp_path, sdo, cycle_us)]
 
 
 TWO_MS = [row("0x60c2", 1, 2), row("0x60c2", 2, -3)]
@@ -79,6 +84,22 @@ def test_another_time_is_named_at_its_value(
     sdo: list[str], cycle_us: int, line: int, tmp_path: Path
 ):
     assert lines(tmp_path, sdo, cycle_us) == [line]
+
+
+@pytest.mark.parametrize(
+    ("sdo", "cycle_us", "word"),
+    [
+        (TWO_MS, 4000, "4"),
+        ([row("0x60c2", 1, 25), row("0x60c2", 2, -5)], 500, "50"),
+        ([row("0x1c32", 2, 2_000_000)], 1000, "1000000"),
+        (TWO_MS, 250, "exponent"),
+    ],
+)
+def test_the_hint_has_the_value_in_the_unit_of_the_object(
+    sdo: list[str], cycle_us: int, word: str, tmp_path: Path
+):
+    (one,) = found(tmp_path, sdo, cycle_us)
+    assert word in (one.hint or "").split()
 
 
 def test_two_masters_of_a_urdf_have_cycles_of_their_own(tmp_path: Path):
