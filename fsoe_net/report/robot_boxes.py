@@ -6,14 +6,15 @@ An end of a line is wrong if a finding is at its place, so that drawing and chec
 from __future__ import annotations
 
 import enum
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from fsoe_net.diag.diagnostic import Diagnostic, Severity, Span
 from fsoe_net.diag.words import counted, listed
 from fsoe_net.document.markup import shortened
 from fsoe_net.model.bus import RobotComponent, SubDevice
-from fsoe_net.model.resolve import Resolution
+from fsoe_net.model.network import NetworkConfig
+from fsoe_net.model.resolve import Connection, Resolution
 from fsoe_net.model.robot import Controller
 from fsoe_net.model.robot_graph import RobotChannel, channels_of
 
@@ -104,6 +105,7 @@ class RobotGraph:
 
 
 _Interface = tuple[str, bool]  # its name, and whether it is a command
+_Row = tuple[str, bool, Span, str]  # the same, its place, and the object of a channel
 
 
 def robot_graph(resolution: Resolution, found: Sequence[Diagnostic]) -> RobotGraph:
@@ -116,54 +118,69 @@ def robot_graph(resolution: Resolution, found: Sequence[Diagnostic]) -> RobotGra
     wrong = {d.span for d in found if d.level is not Severity.INFO}
     network = resolution.network
     subs, robot = network.subdevices, network.robot
-    of_subs = dict.fromkeys(c for sub in subs for c in sub.components)
-    components = list(dict.fromkeys((*robot.components, *of_subs)) if robot else of_subs)
+    controllers = robot.controllers if robot else ()
+    components = _components(network)
     channels = [
-        [c for side in (True, False) for c in channels_of(s, is_command=side)] for s in subs
+        [channel for side in (True, False) for channel in channels_of(sub, is_command=side)]
+        for sub in subs
     ]
     rows = [_interfaces(component) for component in components]
     bindings = _bindings(components, rows, subs, channels)
-    claims = _claims(robot.controllers if robot else (), components, rows)
-    bound = ({line.left for line in bindings}, {line.right for line in bindings})
+    claims = _claims(controllers, components, rows)
     claimed = {line.left for line in claims}
+    left, right = (
+        _numbers(line.left for line in bindings),
+        _numbers(line.right for line in bindings),
+    )
     return RobotGraph(
-        controllers=tuple(
-            _controller_box(n, c, claimed, wrong)
-            for n, c in enumerate(robot.controllers if robot else ())
-        ),
+        controllers=tuple(_controller_box(n, c, claimed, wrong) for n, c in enumerate(controllers)),
         components=tuple(
-            RobotBox(
-                name=c.name,
-                about=c.kind,
-                ends=tuple(
-                    _end(name, is_command, place in wrong, (n, m) in bound[0])
-                    for m, (name, is_command, place) in enumerate(rows[n])
-                ),
-            )
+            RobotBox(name=c.name, about=c.kind, ends=_ends(rows[n], left.get(n, set()), wrong))
             for n, c in enumerate(components)
         ),
         subdevices=tuple(
             RobotBox(
                 name=sub.name,
                 about=_address(sub),
-                ends=tuple(
-                    _end(c.name, c.is_command, c.span in wrong, (n, m) in bound[1], c.entry.address)
-                    for m, c in enumerate(channels[n])
-                ),
+                ends=_ends(map(_row, channels[n]), right.get(n, set()), wrong),
             )
             for n, sub in enumerate(subs)
         ),
         claims=claims,
         bindings=bindings,
-        safety=tuple(
-            SafetyWire(
-                name=c.name,
-                main=resolution.numbers[c.main.name],
-                sub=resolution.numbers[c.sub.name],
-            )
-            for c in resolution.connections
-        ),
+        safety=tuple(_safety_wire(c, resolution) for c in resolution.connections),
     )
+
+
+def _components(network: NetworkConfig) -> list[RobotComponent]:
+    """Return each joint, gpio and sensor once, also those without a SubDevice."""
+    robot = network.robot
+    of_subs = [c for sub in network.subdevices for c in sub.components]
+    return list(dict.fromkeys([*(robot.components if robot else ()), *of_subs]))
+
+
+def _safety_wire(c: Connection, resolution: Resolution) -> SafetyWire:
+    numbers = resolution.numbers
+    return SafetyWire(name=c.name, main=numbers[c.main.name], sub=numbers[c.sub.name])
+
+
+def _numbers(ends: Iterable[tuple[int, int]]) -> dict[int, set[int]]:
+    """Return the numbers of the ends of each box."""
+    found: dict[int, set[int]] = {}
+    for box, end in ends:
+        found.setdefault(box, set()).add(end)
+    return found
+
+
+def _ends(rows: Iterable[_Row], bound: set[int], wrong: set[Span]) -> tuple[End, ...]:
+    return tuple(
+        _end(name, is_command, place in wrong, n in bound, at)
+        for n, (name, is_command, place, at) in enumerate(rows)
+    )
+
+
+def _row(channel: RobotChannel) -> _Row:
+    return channel.name, channel.is_command, channel.span, channel.entry.address
 
 
 def _end(name: str, is_command: bool, is_wrong: bool, is_bound: bool, at: str = "") -> End:
@@ -171,15 +188,15 @@ def _end(name: str, is_command: bool, is_wrong: bool, is_bound: bool, at: str = 
     return End(name=name, is_command=is_command, state=EndState.WRONG if is_wrong else state, at=at)
 
 
-def _interfaces(component: RobotComponent) -> list[tuple[str, bool, Span]]:
-    """Return name, side and place of each interface, commands first as in the picture."""
-    rows = [(name, is_command, place) for is_command, name, place in component.interfaces()]
+def _interfaces(component: RobotComponent) -> list[_Row]:
+    """Return the interfaces of a component, commands first as in the picture."""
+    rows = [(name, is_command, place, "") for is_command, name, place in component.interfaces()]
     return sorted(rows, key=lambda row: not row[1])
 
 
 def _bindings(
     components: Sequence[RobotComponent],
-    rows: Sequence[Sequence[tuple[str, bool, Span]]],
+    rows: Sequence[Sequence[_Row]],
     subs: Sequence[SubDevice],
     channels: Sequence[Sequence[RobotChannel]],
 ) -> tuple[Wire, ...]:
@@ -191,7 +208,7 @@ def _bindings(
             places.setdefault((channel.name, channel.is_command), []).append(m)
         for component in sub.components:
             number = numbers[component]
-            for row, (name, is_command, _) in enumerate(rows[number]):
+            for row, (name, is_command, *_) in enumerate(rows[number]):
                 lines += [
                     Wire(left=(number, row), right=(n, m), is_command=is_command)
                     for m in places.get((name, is_command), ())
@@ -203,11 +220,11 @@ def _bindings(
 def _claims(
     controllers: Sequence[Controller],
     components: Sequence[RobotComponent],
-    rows: Sequence[Sequence[tuple[str, bool, Span]]],
+    rows: Sequence[Sequence[_Row]],
 ) -> tuple[Wire, ...]:
     offered: dict[_Interface, tuple[int, int]] = {}
     for n, component in enumerate(components):
-        for m, (name, is_command, _) in enumerate(rows[n]):
+        for m, (name, is_command, *_) in enumerate(rows[n]):
             offered.setdefault((f"{component.name}/{name}", is_command), (n, m))
     return tuple(
         Wire(left=(n, m), right=offered[use.name, use.is_command], is_command=use.is_command)

@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from fsoe_net.diag.diagnostic import Diagnostic
+from fsoe_net.diag.diagnostic import Diagnostic, Severity
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.formats.ros2 import xacro_expand
 from fsoe_net.formats.ros2.urdf import UrdfResult, load_urdf
@@ -153,6 +153,67 @@ def test_undefined_argument_is_reported_with_the_option(write: Write):
     assert _places(load_urdf(path, LoadOptions(xacro_args={"side": "r"}))) == [
         "FSN125 main.xacro:1:1"
     ]
+
+
+MACRO = """\
+<xacro:macro name="cell" params="{params}">
+  <ros2_control name="${{prefix}}c" type="system">
+    <hardware><plugin>ethercat_driver/EthercatDriver</plugin></hardware>
+    <joint name="${{prefix}}j1"/>
+  </ros2_control>
+</xacro:macro>"""
+
+
+@pytest.mark.parametrize(
+    ("params", "name"),
+    [
+        ("prefix:=a_", "a_c"),
+        ("prefix:='' rate:=100", "c"),
+        ('prefix:="x " rate', ""),
+        ("prefix", ""),
+    ],
+)
+def test_a_macro_that_nothing_calls_is_expanded_with_its_defaults(
+    params: str, name: str, write: Write
+):
+    path = write(MACRO.format(params=params.replace('"', "&quot;")))
+    result = load_urdf(path)
+    assert [s.name for s in result.systems] == [name] * bool(name)
+    found = result.diagnostics[0]
+    assert (found.code, found.span.line) == ("FSN125", 2)
+    assert found.level is (Severity.INFO if name else Severity.ERROR)
+    assert found.hint == "name the xacro that includes this file and calls it"
+    assert [s.span.line for s in result.systems] == [3] * bool(name)
+
+
+def test_a_macro_that_needs_a_value_is_named_with_the_file_that_calls_it(
+    write: Write, tmp_path: Path
+):
+    path = write(
+        MACRO.format(params="prefix *origin rate:=1"),
+        caller=f'<robot {XMLNS}><xacro:cell prefix="a"/></robot>',
+        other="<robot><!-- <xacro:cells/> --></robot>",
+    )
+    found = _only(path)
+    assert found.level is Severity.ERROR
+    assert "these parameters have no default: prefix, *origin" in found.message
+    assert found.hint == f"name the file that calls it: {tmp_path / 'caller.xacro'}"
+
+
+def test_a_macro_that_is_called_is_not_called_again(write: Write):
+    path = write(MACRO.format(params="prefix:=a_") + '<xacro:cell prefix="b_"/>')
+    result = load_urdf(path)
+    assert [s.name for s in result.systems] == ["b_c"]
+    assert result.diagnostics == ()
+
+
+def test_a_mistake_in_a_macro_that_is_called_for_a_check_is_reported(write: Write):
+    body = MACRO.format(params="prefix:=a_").replace(
+        '<joint name="${prefix}j1"/>', "<joint name='$(find no_such)'/>"
+    )
+    found = _only(write(body))
+    assert (found.code, found.span.line) == ("FSN119", 5)
+    assert found.hint == "pass --package no_such=DIR"
 
 
 FAILURES = [

@@ -436,6 +436,16 @@ def _reads_nothing(node: Node, names: Sequence[str]) -> bool:
     return names[0] == "array" or (names[0] == "string" and node.is_null)
 
 
+def _type_hint(node: Node, names: Sequence[str]) -> str:
+    """Return how to correct a frequent mistake, otherwise an empty string."""
+    if isinstance(node, ScalarNode) and not node.plain and _spells(node.text, names):
+        return f"write {node.text}, without quotes"
+    if names[0] == "array":
+        return "start each item with `- `"
+    is_item = names[0] == "object" and isinstance(node, SeqNode)
+    return "delete the `- ` in front of the keys" if is_item else ""
+
+
 def _wrong_type(node: Node, error: SchemaError, out: Collector, *, of_driver: bool) -> None:
     wanted = error.schema["type"]
     names = [wanted] if isinstance(wanted, str) else list(wanted)
@@ -446,13 +456,7 @@ def _wrong_type(node: Node, error: SchemaError, out: Collector, *, of_driver: bo
         found = "empty" if node.is_null else f"{node.text[:60]!r}"
     else:
         found = "a list" if isinstance(node, SeqNode) else "a map"
-    hint = f"write {expected}"
-    if isinstance(node, ScalarNode) and not node.plain and _spells(node.text, names):
-        hint = f"write {node.text}, without quotes"
-    elif names[0] == "array":
-        hint = "start each item with `- `"
-    elif names[0] == "object" and isinstance(node, SeqNode):
-        hint = "delete the `- ` in front of the keys"
+    hint = _type_hint(node, names) or f"write {expected}"
     # The number readers do not report this value again.
     out.mistyped.add(node.span)
     code = "FSN451" if of_driver and _reads_nothing(node, names) else "FSN111"

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import itertools
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from fsoe_net.diag.diagnostic import Diagnostic, Related, Span
+from fsoe_net.diag.diagnostic import Diagnostic, Related, Severity, Span
 from fsoe_net.diag.words import listed
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.formats.recognise import refuse_known
@@ -21,12 +21,18 @@ from fsoe_net.formats.ros2.urdf_system import (
     robot_component,
 )
 from fsoe_net.formats.ros2.xacro_expand import expand_xacro, uses_xacro
+from fsoe_net.formats.ros2.xacro_macros import (
+    callable_macros,
+    callers_of,
+    macros_of,
+    name_of,
+    required_parameters,
+)
 from fsoe_net.formats.shared.files import Collector, read_bytes
 from fsoe_net.formats.shared.xml_tree import Element, parse_xml
 from fsoe_net.model.bus import RobotComponent
 from fsoe_net.model.network import SourceFile
 
-_PARTS = frozenset({"ros2_control", "ec_module"})
 _DRIVER_PREFIX = "ethercat_driver/"
 
 
@@ -59,13 +65,13 @@ def load_urdf(path: str | os.PathLike[str], options: LoadOptions | None = None) 
     written = _written(os.fspath(path), out)
     root = written
     if written is not None and uses_xacro(written):
-        root = expand_xacro(os.fspath(path), out, options or LoadOptions())
+        root = _expanded(os.fspath(path), written, out, options or LoadOptions())
     if written is not None and root is not None:
         limits = joint_limits(root)
         all_blocks = list(root.all("ros2_control"))
         blocks = [e for e in all_blocks if _is_ethercat(e)]
         if not blocks:
-            _without_driver(written, out)
+            _without_driver(os.fspath(path), written, out)
         _component_names(blocks, out)
         _offered_twice(blocks, [b for b in all_blocks if not _is_ethercat(b)], out)
         _modules_outside(blocks, out)
@@ -94,10 +100,30 @@ def _written(path: str, out: Collector) -> Element | None:
     return root
 
 
-def _without_driver(written: Element, out: Collector) -> None:
+def _expanded(path: str, written: Element, out: Collector, options: LoadOptions) -> Element | None:
+    """Expand a file; if it only defines macros of the driver, with each called once."""
+    root = expand_xacro(path, out, options)
+    if root is None or any(map(_is_ethercat, root.all("ros2_control"))):
+        return root
+    macros = macros_of(written)
+    names = callable_macros(macros)
+    if not names:
+        return root
+    called = expand_xacro(path, out, options, calls=names)
+    if called is not None and any(map(_is_ethercat, called.all("ros2_control"))):
+        out.add(
+            "FSN125",
+            next(m.span for m in macros if name_of(m) in names),
+            f"this file calls {_macros(names)} nowhere; checked with the default of each parameter",
+            severity=Severity.INFO,
+            hint=_caller(path, names),
+        )
+    return called
+
+
+def _without_driver(path: str, written: Element, out: Collector) -> None:
     """FSN125: no block of the driver, possibly because the macro with it is not called."""
-    macros = [e for e in written.walk() if e.name == "xacro:macro"]
-    unused = [m for m in macros if any(e.name in _PARTS for e in m.walk())]
+    unused = macros_of(written)
     if not unused:
         out.add(
             "FSN125",
@@ -106,14 +132,26 @@ def _without_driver(written: Element, out: Collector) -> None:
             hint=f"the driver's plugin is {DRIVER_PLUGIN}",
         )
         return
-    names = [f"<xacro:{m.attributes.get('name', '')}>" for m in unused]
+    names = [name_of(m) for m in unused]
+    required = dict.fromkeys(name for m in unused for name in required_parameters(m))
+    without = f"; these parameters have no default: {listed([*required], 4)}" if required else ""
     out.add(
         "FSN125",
         unused[0].span,
-        f"the driver is in {'macros' if names[1:] else 'the macro'} {listed(names, 4)}, which this "
-        "file defines and does not call",
-        hint="name the xacro that includes this file and calls it",
+        f"the driver is in {_macros(names)}, which this file defines and does not call{without}",
+        hint=_caller(path, names),
     )
+
+
+def _macros(names: Sequence[str]) -> str:
+    return f"the macro{'s' * (len(names) > 1)} {listed([f'<xacro:{n}>' for n in names], 4)}"
+
+
+def _caller(path: str, names: Sequence[str]) -> str:
+    callers = callers_of(path, names)
+    if callers:
+        return f"name the file that calls it: {listed(callers, 3)}"
+    return "name the xacro that includes this file and calls it"
 
 
 def _is_ethercat(block: Element) -> bool:

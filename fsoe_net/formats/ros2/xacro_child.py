@@ -26,6 +26,7 @@ from xml.dom import Node
 from xml.parsers.expat import ExpatError
 
 from fsoe_net.formats.ros2.confine import confine, end_with_parent, inside, python_folders
+from fsoe_net.formats.ros2.xacro_macros import MACRO
 from fsoe_net.formats.shared.files import Collector, read_bytes
 from fsoe_net.formats.shared.xml_tree import Element, parse_xml
 
@@ -104,6 +105,7 @@ class _Xacro:
 
         self._read: list[str] = []
         self._request = request
+        self._calls: list[str] = request["calls"]  # in the first file, which is the named one
         self._xacro: Any = xacro
         self._parse = xacro.parse
         xacro.parse = self._parse_file
@@ -146,6 +148,8 @@ class _Xacro:
             place = (filename, exc.lineno, exc.offset + 1)
             raise _Refused("FSN119", str(exc).partition(":")[0], "", place) from exc
         _mark(document, root)
+        calls, self._calls = self._calls, []
+        _add_calls(document, calls)
         return document
 
     def _check_place(self, path: str) -> None:
@@ -188,6 +192,16 @@ def _mark(document: xml.dom.minidom.Document, root: Element) -> None:
         at = (text.line, text.column) if text is not None else (0, 0)
         place: Place = (element.span.file, element.span.line, element.span.column, *at)
         node.setUserData(_PLACE, place, carry)
+
+
+def _add_calls(document: Any, names: list[str]) -> None:
+    """Call macros at the end of a document; the calls have the places of the macros."""
+    for macro in document.getElementsByTagName(MACRO):
+        name = macro.getAttribute("name").removeprefix("xacro:")
+        if name in names:
+            call = document.createElement(f"xacro:{name}")
+            call.setUserData(_PLACE, macro.getUserData(_PLACE), _Carry())
+            document.documentElement.appendChild(call)
 
 
 def _rows(root: Any) -> list[list[Any]]:

@@ -71,7 +71,9 @@ def uses_xacro(root: Element) -> bool:
     return False
 
 
-def expand_xacro(path: str, out: Collector, options: LoadOptions) -> Element | None:
+def expand_xacro(
+    path: str, out: Collector, options: LoadOptions, *, calls: Sequence[str] = ()
+) -> Element | None:
     """Expand a file.
 
     Args:
@@ -79,6 +81,7 @@ def expand_xacro(path: str, out: Collector, options: LoadOptions) -> Element | N
         out: Takes FSN119, FSN118 for an included file, and the files that were read.
         options: Packages, arguments and environment variables that the file may use, and whether it
             is trusted.
+        calls: Macros of the file that are called at its end, without parameters.
 
     Returns:
         The expanded document, or ``None`` with a finding.
@@ -94,7 +97,7 @@ def expand_xacro(path: str, out: Collector, options: LoadOptions) -> Element | N
         message = "this machine cannot confine the expansion, and the file may hold any program"
         _fail(out, Span(path, 1, 1), message, hint=_NO_CONFINEMENT)
         return None
-    request = _request(path, options, shares, readable)
+    request = _request(path, options, shares, readable) | {"calls": list(calls)}
     env = _child_environment()
     with tempfile.TemporaryFile() as answer:
         try:
