@@ -181,6 +181,7 @@ FSN448 warning FSoE frames differ from the device library
 FSN449 info    entry of the device library for a device
 FSN450 info    default of an output that not every version of the driver writes
 FSN451 error   empty text, or no list where the driver reads one
+FSN452 info    master plugin that drives no bus
 FSN460 info    drive that waits for STO release blocks the start of the driver
 FSN461 info    stopping and starting the driver doubles the transfers
 FSN462 info    driver that writes every default would destroy the copied frame

@@ -179,7 +179,11 @@ _OLD_KEYS = {
 # Beckhoff product codes for which linuxcnc-ethercat supports FSoE.
 _LCEC_MAINS = {0x1AF43052, 0x077E3052}  # EL6900, EL1918
 _LCEC_SUBS = {0x07703052: "EL1904", 0x0B583052: "EL2904", 0x16AD6012: "AX5805"}
-_LCEC_FORKS = {0x077A2C52: "EK1914", 0x077E3052: "EL1918"}
+# Of sittner's own tree and of forks, by whether the type is a MainInstance.
+_LCEC_FORKS = {
+    True: {0x1AFE3052: "EL6910"},
+    False: {0x077A2C52: "EK1914", 0x077E3052: "EL1918"},
+}
 _LCEC_FRAME_BYTES = {"EL1904": (6,), "EL2904": (6,), "AX5805": (7, 11)}
 
 
@@ -205,12 +209,12 @@ def _lcec_type(ctx: Context, sub: SubDevice, *, is_main: bool) -> None:
     if sub.device.product_code in (_LCEC_MAINS if is_main else _LCEC_SUBS):
         return
     role = "MainInstance" if is_main else "SubInstance"
-    fork = None if is_main else _LCEC_FORKS.get(sub.device.product_code)
+    fork = _LCEC_FORKS[is_main].get(sub.device.product_code)
     ctx.add(
         "FSN465",
         sub.span,
         f"{sub.name} (product 0x{sub.device.product_code:08x}) has no FSoE support as {role} in "
-        "linuxcnc-ethercat of August 2026" + (f"; forks have a driver for {fork}" if fork else ""),
+        "linuxcnc-ethercat 1.42" + (f"; forks have a driver for {fork}" if fork else ""),
         hint="MainInstances: EL6900, EL1918 logic; SubInstances: EL1904, EL2904, AX51xx and AX52xx "
         "with AX5805; `lcec_devices` lists what your version has",
     )

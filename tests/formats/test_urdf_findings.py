@@ -270,6 +270,24 @@ def test_robot_without_the_driver_is_reported(tmp_path: Path):
 
 
 @pytest.mark.parametrize(
+    ("param", "code", "hint"),
+    [
+        (("master_plugin", "ethercat_master/EtherLabMaster"), "FSN121", "EtherlabMaster"),
+        (("master_plugin", "ethercat_master/MockMaster"), "FSN452", "EtherlabMaster"),
+        (("master_plugin", "my_masters/Soem"), "", ""),
+        (("master_plugin", "ethercat_master/SoemMaster"), "", ""),
+        (("master_iface", "enp2s0"), "FSN109", "'master_id'"),
+    ],
+)
+def test_the_master_of_the_driver(param: tuple[str, str], code: str, hint: str, tmp_path: Path):
+    without = _param("master_id", "1") if param[0] == "master_iface" else _param("none", "")
+    text = BASE.replace(without, "").replace("</hardware>", f"{_param(*param)}</hardware>")
+    found = [d for d in _check(tmp_path, text) if d.code in ("FSN109", "FSN121", "FSN452")]
+    assert [d.code for d in found] == [code] * bool(code)
+    assert all(hint in d.hint for d in found)
+
+
+@pytest.mark.parametrize(
     ("text", "required", "hint"),
     [
         ("No", False, "write false"),

@@ -122,6 +122,14 @@ def test_lcec_has_the_role_of_a_type(tmp_path: Path):
     assert [d.code for d in rows if d.code.startswith("FSN46")] == []
 
 
+def test_lcec_names_forks_that_have_a_type(tmp_path: Path):
+    """The base has an EL6910 as logic and an EK1914, whose drivers are in forks only."""
+    shutil.copytree(cases.HERE / "base", tmp_path, dirs_exist_ok=True)
+    rows = check(resolved(tmp_path / "robot.urdf"), runtime=Runtime.LCEC)
+    forks = [re.search(r"forks have a driver for (\w+)", d.message) for d in rows]
+    assert sorted(m[1] for m in forks if m) == ["EK1914", "EL6910"]
+
+
 def test_slots_filled_from_the_first_are_right_for_lcec():
     rows = check(resolved(EXAMPLES / "el6910" / "network.yaml"), runtime=Runtime.LCEC)
     assert "FSN466" not in {d.code for d in rows}

@@ -18,6 +18,8 @@ from fsoe_net.formats.shared.xml_tree import Element
 from fsoe_net.model.drives import CIA402_PLUGIN
 
 DRIVER_PLUGIN = "ethercat_driver/EthercatDriver"
+IGH_MASTER = "ethercat_master/EtherlabMaster"  # also if there is no master_plugin
+MOCK_MASTER = "ethercat_master/MockMaster"
 _PROTOTYPE_PLUGIN = "ethercat_driver/EthercatSafetyDriver"
 _PACKAGES = ("ethercat_generic_plugins/", "ethercat_plugins/")
 _VENDOR_PLUGINS = """
@@ -37,6 +39,8 @@ _NUMBER_HINT = "write a whole number from 0 up"
 _NUMBER_HINTS = {
     "master_id": f"{_NUMBER_HINT}; a name such as enp2s0 needs a master_plugin that takes one"
 }
+# Its name in the source code of the driver.
+_CONFUSED = {"master_iface": "master_id"}
 _SLOWEST_HZ = 0.25  # a cycle of 4 s, as in network YAML
 _FASTEST_HZ = 1e9  # a cycle of 1 ns
 
@@ -91,6 +95,28 @@ def driver_plugin_findings(plugin: str, span: Span, out: Collector) -> None:
     )
 
 
+def master_plugin_findings(plugin: str, span: Span, out: Collector) -> None:
+    """Add FSN452 for the master without a bus, FSN121 for a name that looks misspelt."""
+    if plugin == MOCK_MASTER:
+        out.add(
+            "FSN452",
+            span,
+            f"{plugin} is the master for tests: the driver exchanges no frame with a bus",
+            hint=f"fine for a test; else write {IGH_MASTER}, or delete master_plugin",
+        )
+    # Names of classes are compared alone: the package makes each pair of plugins look alike.
+    classes = {name.rpartition("/")[2]: name for name in (IGH_MASTER, MOCK_MASTER)}
+    own = plugin.rpartition("/")[2]
+    close = [classes[c] for c in guesses(own, classes, cutoff=_ALIKE) if c != own]
+    if close:
+        out.add(
+            "FSN121",
+            span,
+            f"plugin {plugin!r} is not known here; a driver that cannot load it does not start",
+            hint=f"write {one_of(close)}",
+        )
+
+
 @dataclass(slots=True)
 class Params:
     """The ``param`` children of an element by name, without the empty ones."""
@@ -143,7 +169,8 @@ def read_params(owner: Element, known: Collection[str], out: Collector) -> Param
 
 
 def _misspelt(name: str, row: Element, free: list[str], out: Collector) -> None:
-    close = guesses(name, free, cutoff=_ALIKE)
+    meant = _CONFUSED.get(name, "")
+    close = (meant,) if meant in free else guesses(name, free, cutoff=_ALIKE)
     if close:
         out.add(
             "FSN109",

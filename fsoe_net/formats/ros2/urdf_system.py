@@ -9,9 +9,11 @@ from dataclasses import dataclass, field, replace
 from fsoe_net.diag.diagnostic import Related
 from fsoe_net.formats.ros2.urdf_params import (
     DRIVER_PLUGIN,
+    IGH_MASTER,
     Params,
     driver_plugin_findings,
     known_plugin_findings,
+    master_plugin_findings,
     read_address,
     read_flag,
     read_frequency,
@@ -33,7 +35,6 @@ _SYSTEM_PARAMS = (
     "master_plugin",
     "readiness_timeout_s",
 )
-_IGH_MASTER = "ethercat_master/EtherlabMaster"  # also if there is no master_plugin
 _MODULE_PARAMS = ("alias", "position", "slave_config", "mode_of_operation", "required", "plugin")
 
 
@@ -126,6 +127,8 @@ class _System:
         plugin = self._driver_plugin(hardware)
         if plugin is not None:
             fields["plugin"] = plugin.value_span
+        if (master := params.text("master_plugin")) is not None:
+            master_plugin_findings(master, params.span("master_plugin"), out)
         transfer_key = self._transfer_key(params)
         self._safety_block(transfer_key)
         modules = [
@@ -281,7 +284,7 @@ def robot_component(element: Element, limits: Limits) -> RobotComponent:
 def _names_its_master(params: Params) -> bool:
     """Whether a plugin reads ``master_id`` as a text; that of the IgH master reads a number."""
     plugin = params.text("master_plugin")
-    return plugin is not None and plugin != _IGH_MASTER and params.text("master_id") is not None
+    return plugin is not None and plugin != IGH_MASTER and params.text("master_id") is not None
 
 
 def _single(tags: list[Element], out: Collector) -> None:
