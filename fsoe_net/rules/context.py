@@ -9,6 +9,7 @@ from fsoe_net.diag.diagnostic import FindingList
 from fsoe_net.diag.guesses import Guesses, one_of
 from fsoe_net.model.bus import Device, SubDevice
 from fsoe_net.model.layout import FsoeBlock, SmLayout
+from fsoe_net.model.network import TransferKind
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.model.transfer_ends import ResolvedEnd, ResolvedTransfer
 
@@ -65,6 +66,14 @@ class Context(FindingList):
         if meant:
             return f"write {one_of(meant)}"
         return f"known: {few(sorted(self.names), 20) or 'none'}"
+
+    def is_copied_to(self, sub: SubDevice) -> bool:
+        """Whether a standard transfer writes outputs of a SubDevice, which needs no command."""
+        return any(
+            transfer.kind is TransferKind.STANDARD and transfer.destination.module == sub.name
+            for net in self.resolution.network.nets
+            for transfer in net.transfers
+        )
 
     def used_blocks(self) -> set[tuple[str, tuple[int, int]]]:
         """Return (SubDevice, frame) of every frame that a transfer uses; calculated once."""

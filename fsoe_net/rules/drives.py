@@ -149,7 +149,7 @@ def _mode(ctx: Context, axis: _Axis, sub: SubDevice, *, by_plugin: bool) -> None
             hint=f"map {axis.object(_MODE_DISPLAY)} in a TxPDO; enable the drive when it shows the "
             "mode",
         )
-    if _is_idle(entry, sub):
+    if _is_idle(entry, sub) and not ctx.is_copied_to(sub):
         ctx.add(
             "FSN485",
             entry.span,

@@ -126,7 +126,7 @@ def _unbound(ctx: Context, sub: SubDevice, meant: set[tuple[str, str]]) -> None:
         and (sub.name, channel.name) not in meant  # FSN476 has named it
         and not _has_value(channel)
     ]
-    if free:
+    if free and not ctx.is_copied_to(sub):
         ctx.add(
             "FSN481",
             free[0].span,

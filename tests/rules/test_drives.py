@@ -211,3 +211,24 @@ def test_only_the_drive_plugin_writes_a_mode_without_an_interface(
     monkeypatch.chdir(folder)
     rows = cases.findings({"check": ["robot.urdf"]})
     assert [d.code for d in rows].count("FSN450") == count
+
+
+def test_outputs_that_a_transfer_writes_need_no_command(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "case"
+    shutil.copytree(cases.HERE / "base", folder)
+    copy = """    transfers:
+      - size: 1
+        kind: standard
+        in: {ec_module: logic, index: 0xf100, subindex: 1}
+        out: {ec_module: axis, index: 0x6060, subindex: 0}
+"""
+    idle = [NO_MODE, mapped_mode(""), VELOCITY_TOO]
+    cases._seed(folder, {"edit": idle})
+    monkeypatch.chdir(folder)
+    codes = [d.code for d in cases.findings({"check": ["robot.urdf"]})]
+    assert {"FSN481", "FSN485"} <= set(codes)
+    cases._seed(folder, {"edit": [["transfers.yaml", "    transfers:\n", copy]]})
+    codes = [d.code for d in cases.findings({"check": ["robot.urdf"]})]
+    assert not {"FSN481", "FSN485"} & set(codes)
