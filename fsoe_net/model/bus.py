@@ -194,14 +194,17 @@ class RobotComponent:
 
     ``kind`` is ``joint``, ``gpio`` or ``sensor``; ``states`` and ``commands`` are the names of its
     interfaces in the order of the description, ``places`` are their places in the file, the states
-    first. ``limits`` are the lowest and highest position of a joint in rad or m, if stated.
+    first. ``limits`` are the lowest and highest position of a joint in rad or m, if stated;
+    ``max_velocity`` and ``max_effort`` its other limits, 0 if not stated.
     """
 
     kind: str
     name: str
     states: tuple[str, ...] = ()
     commands: tuple[str, ...] = ()
-    limits: tuple[float, float] | None = None
+    limits: tuple[float, float] | None = field(default=None, compare=False)
+    max_velocity: float = field(default=0.0, compare=False)
+    max_effort: float = field(default=0.0, compare=False)
     places: tuple[Span, ...] = field(default=(), compare=False)
 
     def __str__(self) -> str:

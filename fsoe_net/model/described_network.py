@@ -51,6 +51,7 @@ def describe(network: NetworkConfig) -> Description:
                 alias=sub.alias,
                 device=sub.device,
                 components=sub.components,
+                plugin=sub.plugin,
             )
         )
     resolution = resolve(network)

@@ -131,6 +131,7 @@ class DescribedSubDevice(Located):
         truncated: Whether the source ends in the middle of this SubDevice.
         notes: Assumptions of the reader, in words.
         components: The joints, gpios and sensors of a robot description that use it; not compared.
+        plugin: Class of ethercat_driver_ros2 that drives it; not compared.
         facts: Facts besides the process data; not compared.
         start: Data that a MainDevice needs to start it; ``None`` if not stated; not compared.
     """
@@ -148,6 +149,7 @@ class DescribedSubDevice(Located):
     truncated: bool = False
     notes: tuple[str, ...] = ()
     components: tuple[RobotComponent, ...] = field(default=(), compare=False)
+    plugin: str | None = field(default=None, compare=False)
     facts: TypeFacts = field(default_factory=TypeFacts, compare=False)
     start: StartFacts | None = field(default=None, compare=False)
 

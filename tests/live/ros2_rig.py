@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import time
 
-from live.live_rig import CASES, Emulator, Running, main
+from live.live_rig import CASES, Emulator, Running, main, wait_for
 from ros2.caller import Caller
 from ros2.rig import Peer, System, bridged, typestore
 
@@ -179,7 +180,199 @@ def axis(network, program, scenario):
     return seen
 
 
+class DrivenAxis:
+    """A joint of ros2_control whose SubDevice axis_1 is driven by CiA 402, and the drive itself."""
+
+    ENABLED, DISABLED, FAULT = 0x27, 0x40, 0x08
+
+    def __init__(self, network, program, scenario, *commands, params=()):
+        self.emulator = Emulator(network, "--scenario", scenario)
+        self.running = Running(network)
+        self.drive = Client(self.running.socket)
+        words = ["subdevice=axis_1", "axis=axis_1", "max_velocity=0.5", *params]
+        words = [f"p:shoulder/{word}" for word in words]
+        words += [f"c:shoulder/{name}" for name in ("position", *commands)]
+        socket = f"socket={self.running.socket}"
+        words += ["s:shoulder/position", "s:shoulder/velocity"]
+        self.system = System(program, socket, "misses=1000", "lost_ms=2000", *words)
+        self.system.goes("init", "configure", "activate")
+
+    def object(self, index):
+        """Return an object of the emulated drive, or of what was sent to it."""
+        name, side = OBJECTS[index]
+        return getattr(self.drive.get(name), side)[name]
+
+    def state(self):
+        statusword = self.object(0x6041)
+        return statusword & (0x6F if statusword & 0x20 else 0x4F)
+
+    def facts(self):
+        """State, target and actual position of the drive, and the position of the joint."""
+        self.system.goes("cycle 1")
+        joint = float(self.system.ask("get shoulder/position"))
+        return [self.state(), self.object(0x607A), self.object(0x6064), joint]
+
+    def until_state(self, *states):
+        self.system.sends(lambda: self.state() in states)
+
+    def has_sto(self):
+        return bool(self.drive.sdo_read("axis_1", 0x60FD, 0, "uint32").value >> 31)
+
+    def acknowledge(self):
+        """Press the reset button of the safety logic until the drive may have torque."""
+        while self.has_sto():
+            for word in ("release", "press"):
+                self.emulator.do(word)
+                self.system.goes("cycle 10")
+
+    def enable(self, name="position"):
+        """Claim a command; again if a busy machine has made the safety logic take the torque."""
+        while self.state() != self.ENABLED:
+            self.acknowledge()
+            self.system.goes(f"start shoulder/{name}", "cycle 50")
+
+    def moves(self, index, lowest, highest):
+        """Run cycles until an object of the enabled drive is between two values."""
+
+        def arrived():
+            assert self.state() == self.ENABLED
+            return lowest <= self.object(index) <= highest
+
+        self.system.sends(arrived)
+
+    def stays(self):
+        """Run cycles for long enough to enable a drive that may; return its facts."""
+        self.acknowledge()
+        self.system.goes("cycle 300")
+        return self.facts()
+
+    def end(self):
+        said = self.system.end()
+        self.running.end(signal.SIGINT)
+        self.emulator.end()
+        return said
+
+
+OBJECTS = {
+    0x6041: ("axis_1.status_word", "inputs"),
+    0x6064: ("axis_1.position", "inputs"),
+    0x606C: ("axis_1.velocity", "inputs"),
+    0x6077: ("axis_1.effort", "inputs"),
+    0x607A: ("axis_1.position", "outputs"),
+}
+
+
+def cia402(network, program, scenario):
+    """Claimed, moved, commanded beyond its limit, stopped by the safety logic, and in fault."""
+    axis = DrivenAxis(network, program, scenario, "reset_fault")
+    system = axis.system
+    system.sends(lambda: axis.object(0x607A) == 16384)
+    seen = {"unclaimed": axis.stays()}
+    axis.enable()
+    seen["claimed"] = axis.stays()
+    system.goes("set shoulder/position -1.3708")
+    axis.moves(0x6064, 14290, 14306)
+    seen["moved"] = axis.facts()
+    system.goes("set shoulder/position 1")
+    axis.until_state(axis.DISABLED)
+    seen["jump"] = axis.stays()
+    axis.enable()
+    system.goes("set shoulder/position -1.3")
+    axis.moves(0x6064, 13551, 13567)
+    for number in (1, 2):
+        axis.emulator.do(f"set el1904.0x6001:0{number} 0")
+    system.sends(axis.has_sto)
+    for number in (1, 2):
+        axis.emulator.do(f"set el1904.0x6001:0{number} 1")
+    seen["e-stop"] = axis.stays()
+    axis.enable()
+    axis.emulator.do("drive-fault axis_1 0x2310")
+    axis.until_state(axis.FAULT)
+    system.goes("start shoulder/position")
+    seen["fault"] = axis.stays()
+    system.goes("start shoulder/reset_fault", "set shoulder/reset_fault 1")
+    axis.until_state(axis.DISABLED)
+    seen["reset"] = axis.stays()
+    axis.enable()
+    return seen | {"again": axis.facts(), "said": axis.end()}
+
+
+def cia402_lost(network, program, scenario):
+    """The bus is lost and returns, and fsn-master is frozen for a while: nothing starts."""
+    axis = DrivenAxis(network, program, scenario)
+    seen = {}
+
+    def frozen():
+        os.kill(axis.running.pid, signal.SIGSTOP)
+        yield
+        os.kill(axis.running.pid, signal.SIGCONT)
+
+    def cut():
+        axis.emulator.do("cut main")
+        yield
+        axis.emulator.do("splice main")
+
+    for name, loss in (("cut", cut), ("frozen", frozen)):
+        axis.enable()
+        axis.system.goes("set shoulder/position -1.5")
+        axis.moves(0x6064, 15638, 15654)
+        returns = loss()
+        next(returns)
+        while (answer := axis.system.ask("cycle 1")) == "OK":
+            pass
+        next(returns, None)
+        wait_for("the bus", axis.running.in_data)
+        while axis.system.ask("activate") != "SUCCESS":
+            axis.system.goes("cycle 50")
+        seen[name] = [answer, axis.stays()]
+    axis.enable()
+    return seen | {"claimed": axis.stays(), "said": axis.end()}
+
+
+def cia402_modes(network, program, scenario):
+    """Velocity and homing, by commands of a controller; a fault is reset by itself."""
+    modes = ("velocity", "effort", "mode_of_operation", "home")
+    params = ("auto_fault_reset=true", "max_velocity=70000", "max_effort=100")
+    axis = DrivenAxis(network, program, scenario, *modes, params=params)
+    system = axis.system
+    axis.drive.sdo_write("axis_1", 0x6098, 0, kind="int8", value=37)  # the position is the home
+    system.goes("start shoulder/mode_of_operation", "set shoulder/mode_of_operation 9")
+    axis.enable("velocity")
+    system.goes("set shoulder/velocity 65536")
+    axis.moves(0x606C, 60000, 70000)
+    seen = {"turns": axis.object(0x606C)}
+    system.goes("set shoulder/velocity 70001")  # beyond max_velocity
+    axis.until_state(axis.DISABLED)
+    axis.enable("velocity")
+    system.goes("set shoulder/velocity 65536")
+    axis.moves(0x606C, 60000, 70000)
+    system.goes("stop shoulder/velocity")
+    axis.moves(0x606C, -300, 300)
+    seen["released"] = axis.state()
+    system.goes("set shoulder/mode_of_operation 6", "start shoulder/home", "cycle 50")
+    seen["homing waits"] = axis.facts()
+    system.goes("set shoulder/home 1")
+    axis.moves(0x6064, -20, 20)
+    seen["home"] = axis.stays()
+    system.goes("set shoulder/mode_of_operation 1", "start shoulder/position")
+    for radians, counts in ((0.3, -3129), (-0.3, 3129)):  # set-points of any distance
+        system.goes(f"set shoulder/position {radians}")
+        axis.moves(0x6064, counts - 20, counts + 20)
+    system.goes(
+        "set shoulder/mode_of_operation 10", "start shoulder/effort", "set shoulder/effort 20"
+    )
+    axis.moves(0x6077, 15, 25)
+    seen["torque"] = axis.object(0x6077)
+    system.goes("set shoulder/effort 0", "set shoulder/mode_of_operation 3")
+    axis.moves(0x606C, -300, 300)
+    axis.emulator.do("drive-fault axis_1 0x2310")
+    axis.until_state(axis.DISABLED)
+    seen["reset"] = axis.stays()
+    return seen | {"said": axis.end()}
+
+
 CASES |= {"adapter": adapter, "axis": axis, "objects": objects, "reset": reset}
+CASES |= {"cia402": cia402, "cia402_lost": cia402_lost, "cia402_modes": cia402_modes}
 
 if __name__ == "__main__":
     main()

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import ast
-import fcntl
-import hashlib
 import os
 import re
 import runpy
@@ -26,25 +24,17 @@ from master.rig import Client, Master
 from master.rig import running as master_running
 from networks import EXAMPLES, example
 from patience import PATIENCE_S
+from ros2.package import GENERATIONS, PACKAGE, ROOT, built, converted, motors
 from ros2.rig import System
 
-from fsoe_net.formats.own.network import load_network
-from fsoe_net.model.resolve import resolve
 from fsoe_net.plan.codec import decode_plan
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.testing.fake_master import FakeMaster
 
-ROOT = Path(__file__).parents[2]
-PACKAGE = ROOT / "ros" / "fsoe_net_ros"
-CORE = ROOT / "master_core"
 REPLY_S = 1.0  # kReplyMs of control_socket.cpp
 UNKNOWN = "7"
-REQUIRED = "ros2" in os.environ.get("FSN_REQUIRE", "").split(",")
 LAMP, OUTPUT = "el2904/standard_1", "el2904.standard_1"
 VELOCITY, MODE = "drive_1/0x60ff:00", "drive_1/0x6060:00"
-
-
-GENERATIONS = ("humble", "jazzy", "rolling")
 
 
 @pytest.fixture(scope="session")
@@ -57,57 +47,6 @@ def program() -> Path:
 def each(request: pytest.FixtureRequest) -> Path:
     """Return the substitute for a controller manager of each distribution."""
     return built(request.param)
-
-
-def built(generation: str) -> Path:
-    """Have ament build the package against the stubs, once, and what stands in for a manager.
-
-    Returns:
-        The stand-in, which has the library of the package; beside it ``out``, what is installed.
-    """
-    cmake, compiler = shutil.which("cmake"), shutil.which("g++")
-    there = [Path("/usr/share") / p for p in ("ament_cmake", "cmake/nlohmann_json")]
-    if cmake is None or compiler is None or not all(path.is_dir() for path in there):
-        why = "needs g++, cmake, ament-cmake and nlohmann-json3-dev of Debian"
-        (pytest.fail if REQUIRED else pytest.skip)(why)
-    sources = sorted(p for p in PACKAGE.rglob("*") if p.is_file())
-    whole = b"".join(p.read_bytes() for p in (*sources, CORE / "src" / "client" / "client.c"))
-    folder = ROOT / "build" / "ros-package" / hashlib.sha256(whole).hexdigest()[:16] / generation
-    folder.mkdir(parents=True, exist_ok=True)
-    made = folder / "drive_system"
-    with open(folder / "lock", "w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        if not made.exists():
-            _build(cmake, compiler, generation, folder)
-    return made
-
-
-def _build(cmake: str, compiler: str, generation: str, folder: Path) -> None:
-    build = folder / "build"
-    options = {
-        "FSN_ROS_STUBS": generation,
-        "CMAKE_CXX_FLAGS": "-Werror",
-        "CMAKE_INSTALL_PREFIX": folder / "out",
-        "Python3_EXECUTABLE": "/usr/bin/python3",
-    }
-    given = [f"-D{name}={value}" for name, value in options.items()]
-    stubs = PACKAGE / "test" / "stubs"
-    folders = [stubs, stubs / generation]
-    folders += [stubs / "shared_handles"] if generation != "humble" else []
-    stand_in = [compiler, "-std=c++17", *(f"-I{f}" for f in folders)]
-    library = [f"-L{build}", "-lfsoe_net_ros", f"-Wl,-rpath,{build}"]
-    # As in a workspace of colcon: a link leads to the package.
-    link = folder / "src"
-    link.unlink(missing_ok=True)
-    link.symlink_to(PACKAGE)
-    for words in (
-        [cmake, "-S", link, "-B", build, *given],
-        [cmake, "--build", build],
-        [cmake, "--install", build],
-        [*stand_in, f"{PACKAGE}/test/drive_system.cpp", "-o", folder / "drive_system", *library],
-    ):
-        done = subprocess.run(map(str, words), capture_output=True, text=True, check=False)
-        assert done.returncode == 0, done.stdout + done.stderr
 
 
 @pytest.fixture(scope="module")
@@ -320,11 +259,7 @@ def test_states_return_when_fsn_master_is_started_again(program: Path, tmp_path:
 
 def test_an_axis_by_ros2_control(program: Path, tmp_path: Path) -> None:
     """An emulated drive that is not at 0, over a wire: its states are never its commands."""
-    scenario = tmp_path / "motors.yaml"
-    text = (EXAMPLES / "robot-cell" / "scenario.yaml").read_text("utf-8")
-    text = text.partition("\nsteps:")[0].replace("duration_s: 4\n", "")
-    assert "axis_1: {" in text
-    scenario.write_text(text.replace("axis_1: {", "axis_1: {position_rev: 0.25, "), "utf-8")
+    scenario = motors(tmp_path)
     network = EXAMPLES / "robot-cell" / "network.yaml"
     case = ("axis", network, program, scenario)
     seen = on_the_wire(*case, tmp=tmp_path, script="live/ros2_rig.py", good=lambda s: s["late"])
@@ -426,26 +361,6 @@ def test_the_states_of_a_connection_are_those_of_real_frames(program: Path, tmp_
     assert seen["back"] == "1"
 
 
-def interfaces(component: ET.Element) -> dict[tuple[str, str], str]:
-    """Return the symbol of each interface by kind and name, as the package finds it."""
-    given = {row.get("name", ""): row.text or "" for row in component.findall("param")}
-    owner = given.get("subdevice", component.get("name", ""))
-    return {
-        (row.tag, name): given.get(f"{row.tag}/{name}", f"{owner}.{name}")
-        for row in component
-        if row.tag.endswith("_interface")
-        for name in [row.get("name", "")]
-    }
-
-
-def converted(*words: str | Path, target: Path) -> dict[str, dict[tuple[str, str], str]]:
-    """Convert to ros2_control; return the interfaces of each joint and gpio by its name."""
-    done = fsn("convert", *map(str, words), "-o", str(target))
-    assert done.returncode == 0, done.stderr
-    (block,) = ET.parse(target).getroot().iter("ros2_control")
-    return {c.get("name", ""): interfaces(c) for c in block if c.tag in ("joint", "gpio")}
-
-
 @pytest.mark.parametrize("name", ["el6910", "estop", "legs", "robot-cell"])
 def test_every_symbol_that_a_controller_may_use_is_written_once(name: str, tmp_path: Path) -> None:
     target = tmp_path / "ros2_control.urdf.xacro"
@@ -459,81 +374,6 @@ def test_every_symbol_that_a_controller_may_use_is_written_once(name: str, tmp_p
     assert {symbol for kind, symbol in found if kind == "state_interface"} == inputs
     sensors = {s.get("name") for s in ET.parse(target).getroot().iter("sensor")}
     assert sensors == {c.name for c in example(name).connections}
-
-
-DRIVE = """vendor_id: 0x000000fb
-product_id: 0x64400000
-rpdo:
-  - index: 0x1603
-    channels:
-      - {index: 0x6040, sub_index: 0, type: uint16, default: 0}
-      - {index: 0x607a, sub_index: 0, type: int32, command_interface: position, default: .nan}
-      - {index: 0x60ff, sub_index: 0, type: int32, default: 0}
-      - {index: 0x6060, sub_index: 0, type: int8, default: 8}
-tpdo:
-  - index: 0x1a03
-    channels:
-      - {index: 0x6041, sub_index: 0, type: uint16}
-      - {index: 0x6064, sub_index: 0, type: int32, state_interface: position}
-      - {index: 0x606c, sub_index: 0, type: int32}
-      - {index: 0x6061, sub_index: 0, type: int8}
-"""
-ROBOT = """<robot name="arm"><ros2_control name="motors" type="system">
-  <hardware><plugin>ethercat_driver/EthercatDriver</plugin>
-    <param name="master_id">0</param><param name="control_frequency">1000</param></hardware>
-  <joint name="shoulder">
-    <state_interface name="velocity"/><state_interface name="position"/>
-    <command_interface name="position"/><command_interface name="reset_fault"/>
-    <ec_module name="first"><plugin>ethercat_generic_plugins/EcCiA402Drive</plugin>
-      <param name="alias">0</param><param name="position">0</param>
-      <param name="mode_of_operation">9</param><param name="slave_config">drive.yaml</param>
-    </ec_module></joint>
-  <joint name="second">
-    <state_interface name="position"/><command_interface name="position"/>
-    <ec_module name="second"><plugin>ethercat_generic_plugins/EcCiA402Drive</plugin>
-      <param name="alias">0</param><param name="position">1</param>
-      <param name="slave_config">drive.yaml</param>
-    </ec_module></joint>
-</ros2_control></robot>
-"""
-
-
-def test_joints_of_a_robot_keep_their_names_states_and_mode(tmp_path: Path) -> None:
-    (tmp_path / "drive.yaml").write_text(DRIVE, "utf-8")
-    (tmp_path / "arm.urdf").write_text(ROBOT, "utf-8")
-    target = tmp_path / "ros2_control.urdf.xacro"
-    rows = converted(tmp_path / "arm.urdf", target=target)
-    assert list(rows) == ["shoulder", "second"]
-    # The order of the description first; then the objects, with the names of ros2_control.
-    assert list(rows["shoulder"].items()) == [
-        (("command_interface", "position"), "first.position"),
-        (("state_interface", "velocity"), "first.0x606c:00"),
-        (("state_interface", "position"), "first.position"),
-        (("command_interface", "control_word"), "first.0x6040:00"),
-        (("command_interface", "velocity"), "first.0x60ff:00"),
-        (("command_interface", "mode_of_operation"), "first.0x6060:00"),
-        (("state_interface", "status_word"), "first.0x6041:00"),
-        (("state_interface", "mode_of_operation_display"), "first.0x6061:00"),
-    ]
-    root = ET.parse(target).getroot()
-    modes = {
-        joint.get("name"): row.findtext("param")
-        for joint in root.iter("joint")
-        for row in joint.iter("command_interface")
-        if row.get("name") == "mode_of_operation"
-    }
-    assert modes == {"shoulder": "9", "second": "8"}
-    plan = compile_plan(resolve(load_network([tmp_path / "arm.urdf"]).network))
-    stops = {s.name: s.stop_value for s in plan.symbols if s.name.endswith("0x6060:00")}
-    assert stops == {"first.0x6060:00": 9, "second.0x6060:00": 8}
-
-
-def test_an_interface_that_only_a_plugin_provides_is_named(tmp_path: Path) -> None:
-    (tmp_path / "drive.yaml").write_text(DRIVE, "utf-8")
-    (tmp_path / "arm.urdf").write_text(ROBOT, "utf-8")
-    done = fsn("convert", str(tmp_path / "arm.urdf"), "-o", str(tmp_path / "x" / "out.urdf.xacro"))
-    assert "shoulder: the plan has nothing for the command_interface reset_fault" in done.stderr
-    assert "shoulder: the state position has no factor" in done.stderr
 
 
 def test_a_name_is_a_name_to_xacro_too(tmp_path: Path) -> None:

@@ -15,7 +15,6 @@ from fsoe_net.formats.ros2.urdf_params import DRIVER_PLUGIN
 from fsoe_net.formats.ros2.urdf_system import (
     COMPONENTS,
     DriverSystem,
-    joint_limits,
     plugin_of,
     read_system,
     robot_component,
@@ -62,12 +61,12 @@ def load_urdf(path: str | os.PathLike[str], options: LoadOptions | None = None) 
     systems: list[DriverSystem] = []
     all_blocks: list[Element] = []
     blocks: list[Element] = []
+    joints: dict[str, Element] = {}
     written = _written(os.fspath(path), out)
     root = written
     if written is not None and uses_xacro(written):
         root = _expanded(os.fspath(path), written, out, options or LoadOptions())
     if written is not None and root is not None:
-        limits = joint_limits(root)
         all_blocks = list(root.all("ros2_control"))
         blocks = [e for e in all_blocks if _is_ethercat(e)]
         if not blocks:
@@ -75,11 +74,15 @@ def load_urdf(path: str | os.PathLike[str], options: LoadOptions | None = None) 
         _component_names(blocks, out)
         _offered_twice(blocks, [b for b in all_blocks if not _is_ethercat(b)], out)
         _modules_outside(blocks, out)
-        systems = _with_master_numbers([read_system(b, out, limits) for b in blocks])
+        joints = {e.attributes.get("name", ""): e for e in root.all("joint")}
+        systems = _with_master_numbers([read_system(block, out, joints) for block in blocks])
     return UrdfResult(
         systems=tuple(systems),
         components=tuple(
-            robot_component(e, {}) for b in all_blocks for e in b.children if e.name in COMPONENTS
+            robot_component(e, joints)
+            for b in all_blocks
+            for e in b.children
+            if e.name in COMPONENTS
         ),
         is_closed=len(blocks) == len(all_blocks),
         diagnostics=tuple(out.diagnostics),

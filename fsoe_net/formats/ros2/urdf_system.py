@@ -25,7 +25,6 @@ from fsoe_net.formats.shared.xml_tree import Element
 from fsoe_net.model.bus import Located, RobotComponent
 from fsoe_net.model.drives import CIA402_PLUGIN
 
-Limits = Mapping[str, tuple[float, float]]
 COMPONENTS = ("joint", "gpio", "sensor")  # the order in which the driver adds modules
 _SYSTEM_PARAMS = (
     "master_id",
@@ -35,6 +34,8 @@ _SYSTEM_PARAMS = (
     "master_plugin",
     "readiness_timeout_s",
 )
+_LONGEST_NUMBER = 40
+_LIMITED = ("revolute", "prismatic")
 _MODULE_PARAMS = ("alias", "position", "slave_config", "mode_of_operation", "required", "plugin")
 
 
@@ -103,19 +104,25 @@ def plugin_of(block: Element) -> Element | None:
     return plugin if plugin is not None and plugin.text.strip() else None
 
 
-def read_system(block: Element, out: Collector, limits: Limits) -> DriverSystem:
-    """Read a block that belongs to the EtherCAT driver; findings are added to ``out``."""
-    return _System(block, out, limits).read()
+def read_system(block: Element, out: Collector, joints: Mapping[str, Element]) -> DriverSystem:
+    """Read a block that belongs to the EtherCAT driver; findings are added to ``out``.
+
+    Args:
+        block: The block.
+        out: Takes the findings.
+        joints: Joints of the robot by name, for their limits.
+    """
+    return _System(block, out, joints).read()
 
 
 class _System:
     """Reads one ``ros2_control`` block."""
 
-    def __init__(self, block: Element, out: Collector, limits: Limits) -> None:
+    def __init__(self, block: Element, out: Collector, joints: Mapping[str, Element]) -> None:
         self._block = block
         self._out = out
         # A transmission changes the unit of a joint before the driver sees it.
-        self._limits: Limits = {} if block.first("transmission") is not None else limits
+        self._joints = {} if block.first("transmission") is not None else joints
 
     def read(self) -> DriverSystem:
         block, out = self._block, self._out
@@ -222,7 +229,7 @@ class _System:
             position=-1 if position is None else position,
             slave_config=params.text("slave_config") or "",
             required=read_flag(params, "required", out),
-            components=(robot_component(component, self._limits),),
+            components=(robot_component(component, self._joints),),
             mode=read_mode(params, out)
             if plugin is not None and plugin.text == CIA402_PLUGIN
             else None,
@@ -251,34 +258,44 @@ class _System:
         return [replace(m, position=next(free, 0)) if m.position < 0 else m for m in modules]
 
 
-def joint_limits(robot: Element) -> Limits:
-    """Return the positions between which joints of a URDF can move, by name."""
-    found: dict[str, tuple[float, float]] = {}
-    for joint in robot.all("joint"):
-        limit = joint.first("limit")
-        if limit is None or joint.attributes.get("type") not in ("revolute", "prismatic"):
-            continue
-        try:
-            lower, upper = (float(limit.attributes.get(key, "0")) for key in ("lower", "upper"))
-        except ValueError:
-            continue
-        if -math.inf < lower < upper < math.inf:
-            found[joint.attributes.get("name", "")] = (lower, upper)
-    return found
-
-
-def robot_component(element: Element, limits: Limits) -> RobotComponent:
-    """Return a joint, gpio or sensor with its interfaces."""
+def robot_component(element: Element, joints: Mapping[str, Element]) -> RobotComponent:
+    """Return a joint, gpio or sensor with its interfaces, and the limits of the joint."""
     states, commands = (element.all(f"{side}_interface") for side in ("state", "command"))
     name = element.attributes.get("name", "")
+    joint = joints.get(name) if element.name == "joint" else None
+    limit = joint.first("limit") if joint is not None else None
     return RobotComponent(
         kind=element.name,
         name=name,
-        limits=limits.get(name) if element.name == "joint" else None,
+        limits=_travel(joint, limit),
         states=tuple(row.attributes.get("name", "") for row in states),
         commands=tuple(row.attributes.get("name", "") for row in commands),
+        max_velocity=_limit(limit, "velocity"),
+        max_effort=_limit(limit, "effort"),
         places=tuple(row.span for row in (*states, *commands)),
     )
+
+
+def _travel(joint: Element | None, limit: Element | None) -> tuple[float, float] | None:
+    """Return the positions between which a joint can move, if they are stated."""
+    if joint is None or limit is None or joint.attributes.get("type") not in _LIMITED:
+        return None
+    texts = [limit.attributes.get(key, "0") for key in ("lower", "upper")]
+    try:
+        lower, upper = (float(text[:_LONGEST_NUMBER]) for text in texts)
+    except ValueError:
+        return None
+    return (lower, upper) if -math.inf < lower < upper < math.inf else None
+
+
+def _limit(limit: Element | None, name: str) -> float:
+    """Return a limit above 0, or 0 if it is missing or not a number."""
+    text = limit.attributes.get(name, "") if limit is not None else ""
+    try:
+        value = float(text) if len(text) <= _LONGEST_NUMBER else 0.0
+    except ValueError:
+        return 0.0
+    return value if 0 < value < math.inf else 0.0
 
 
 def _names_its_master(params: Params) -> bool:

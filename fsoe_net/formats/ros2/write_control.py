@@ -2,7 +2,8 @@
 
 Components are the joints of the robot description, or SubDevices if the input has no joints; and
 safety connections. The package finds an interface in the plan as ``SUBDEVICE.INTERFACE``; a
-``param`` of the component names another SubDevice or another symbol.
+``param`` of the component names another SubDevice or another symbol. A joint of `EcCiA402Drive` is
+an axis: the package drives its controlword and mode of operation.
 """
 
 from __future__ import annotations
@@ -12,10 +13,17 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from xml.sax.saxutils import escape, quoteattr
 
+from fsoe_net.formats.ros2.control_axis import (
+    AXIS_REQUESTS,
+    ControlAxis,
+    axis_params,
+    driven_axes,
+    is_output_of,
+)
 from fsoe_net.formats.shared.writers import Written, unique_names
 from fsoe_net.model.bus import RobotComponent
 from fsoe_net.model.description import DescribedSubDevice, Description
-from fsoe_net.model.drives import AXIS_STEP, drive_axes
+from fsoe_net.model.drives import AXIS_STEP, CONTROLWORD, MODE_OF_OPERATION, drive_axes
 from fsoe_net.model.symbols import DeviceSymbol, device_symbols
 
 # Interfaces of ros2_control and ethercat_driver_ros2, by the objects of CiA 402 (IEC 61800-7-201).
@@ -27,8 +35,8 @@ _STATES = {
     0x6077: "effort",
 }
 _COMMANDS = {
-    0x6040: "control_word",
-    0x6060: "mode_of_operation",
+    CONTROLWORD: "control_word",
+    MODE_OF_OPERATION: "mode_of_operation",
     0x6071: "effort",
     0x607A: "position",
     0x60FF: "velocity",
@@ -57,6 +65,17 @@ class _Component:
     name: str
     interfaces: list[_Interface] = field(default_factory=list)
     stated: RobotComponent | None = None  # in a robot description
+    axes: list[ControlAxis] = field(default_factory=list)  # more than one: none is driven
+
+    @property
+    def axis(self) -> ControlAxis | None:
+        return self.axes[0] if len(self.axes) == 1 else None
+
+    @property
+    def requests(self) -> tuple[str, ...]:
+        """Commands of its axis that the description has."""
+        wanted = self.stated.commands if self.stated is not None and self.axis is not None else ()
+        return tuple(name for name in AXIS_REQUESTS if name in wanted)
 
 
 def write_control(description: Description, *, file: str = "ros2_control.urdf.xacro") -> Written:
@@ -75,7 +94,10 @@ def write_control(description: Description, *, file: str = "ros2_control.urdf.xa
     for number, sub in enumerate(description.subdevices):
         symbols = list(_open_symbols(description, number, sub))
         for made in _components(sub, names[number], symbols):
-            known = components.setdefault((made.kind, made.name), replace(made, interfaces=[]))
+            known = components.setdefault(
+                (made.kind, made.name), replace(made, interfaces=[], axes=[])
+            )
+            known.axes += made.axes
             known.interfaces += _without_taken(made.interfaces, known.interfaces)
     for component in components.values():
         notes += _notes(component)
@@ -123,6 +145,9 @@ def _component_lines(component: _Component) -> Iterator[str]:
     serving = subdevices.pop() if len(subdevices) == 1 else component.name
     if serving != component.name:
         yield f'      <param name="subdevice">{_text(serving)}</param>'
+    if component.axis is not None:
+        for name, value in axis_params(component.axis, component.stated):
+            yield f'      <param name="{name}">{_text(value)}</param>'
     for row in component.interfaces:
         side = "command_interface" if row.is_command else "state_interface"
         if (row.subdevice, row.symbol) != (serving, row.name):
@@ -136,6 +161,8 @@ def _component_lines(component: _Component) -> Iterator[str]:
             yield f"      <{tag}>{initial}</{side}>"
         else:
             yield f"      <{tag}/>"
+    for name in component.requests:
+        yield f'      <command_interface name="{name}"/>'
     yield f"    </{component.kind}>"
 
 
@@ -179,12 +206,16 @@ def _components(
     for symbol in symbols:
         groups.setdefault(_owner(sub, name, symbol, axes), []).append(symbol)
     for owner, own in groups.items():
+        driven = driven_axes(sub, name, own)
         rows = list(_interfaces(name, own, axes))
+        if driven:  # it writes its controlword, and has no value without a command
+            own = [s for s in own if not is_output_of(s, CONTROLWORD)]
+            rows = [replace(row, initial=0.0) for row in _interfaces(name, own, axes)]
         if isinstance(owner, int):
             stated = sub.components[owner]
             wanted = (stated.states, stated.commands)
             rows.sort(key=lambda row: _rank(wanted[row.is_command], row.name))
-            yield _Component(stated.kind, stated.name or name, rows, stated)
+            yield _Component(stated.kind, stated.name or name, rows, stated, driven)
         else:
             is_joint = any(row.name == "position" and not row.is_command for row in rows)
             yield _Component("joint" if is_joint else "gpio", owner, rows)
@@ -263,12 +294,15 @@ def _without_taken(
 
 
 def _notes(component: _Component) -> Iterator[str]:
+    if len(component.axes) > 1:
+        drives = ", ".join(axis.subdevice for axis in component.axes)
+        yield f"{component.name}: not an axis, because several drives have it: {drives}"
     if component.stated is not None:
         wanted = {"state": component.stated.states, "command": component.stated.commands}
         for side, names in wanted.items():
             have = {r.name for r in component.interfaces if r.is_command is (side == "command")}
             for name in names:
-                if name not in have:
+                if name not in have and name not in component.requests:
                     yield (
                         f"{component.name}: the plan has nothing for the {side}_interface {name}; "
                         "a plugin of the driver may provide it, fsoe_net_ros does not"

@@ -7,11 +7,12 @@
 #include <fsn/client.h>
 #include <limits>
 #include <poll.h>
+#include <set>
 #include <sys/eventfd.h>
 #include <unistd.h>
-#include <vector>
 
 #include "control_socket.hpp"
+#include "driven_axis.hpp"
 
 namespace fsoe_net_ros {
 
@@ -51,6 +52,7 @@ struct Cell::Link {
     struct Command {
         int32_t symbol, actual, status;   // of a target position: actual position and statusword
         uint64_t stop_value;
+        AxisCommand of_axis;
     };
     struct Connection {
         std::string name;
@@ -61,7 +63,7 @@ struct Cell::Link {
     ~Link() { fsn_realtime_close(reader); }
 
     State find_state(const Cell::State &state) const;
-    Command find_command(const Cell::Command &command) const;
+    Command find_command(const Cell &cell, const Cell::Command &command) const;
     void find_position(const Cell::Command &command, const struct fsn_realtime_symbol &target, Command &found) const;
     int32_t find_object(const std::string &subdevice, unsigned index) const;
 
@@ -91,15 +93,30 @@ const double *Cell::add_state(const std::string &name, const std::string &symbol
 }
 
 double *Cell::add_command(const std::string &name, const std::string &symbol, double initial) {
-    commands_.push_back({name, symbol, kNothing, initial, false, false});
+    commands_.push_back({name, symbol, kNothing, initial, {}, false, false});
+    return &commands_.back().number;
+}
+
+std::size_t Cell::add_axis(const AxisOptions &options) {
+    axes_.push_back(std::make_unique<DrivenAxis>(options));
+    return axes_.size() - 1;
+}
+
+double *Cell::add_axis_command(const std::string &name, std::size_t axis, AxisRole role) {
+    commands_.push_back({name, "", kNothing, kNothing, {axes_[axis].get(), role}, false, false});
     return &commands_.back().number;
 }
 
 void Cell::claim(const std::string &name) {
-    for (Command &command : commands_) {
-        if (command.name == name) {
-            command.claimed = true;
-            command.number = kNothing;  // what an earlier controller wrote does not count
+    for (std::size_t row = 0; row < commands_.size(); ++row) {
+        Command &command = commands_[row];
+        if (command.name != name) {
+            continue;
+        }
+        command.claimed = true;
+        command.number = kNothing;  // what an earlier controller wrote does not count
+        if (writer_ != nullptr && link_->commands[row].of_axis.axis != nullptr) {
+            link_->commands[row].of_axis.axis->claim(link_->commands[row].of_axis.role);
         }
     }
 }
@@ -128,6 +145,9 @@ void Cell::activate() {
         throw Fault("not connected");
     }
     take_fresh_link();
+    if (!link_->answers) {
+        throw Fault("fsn-master does not answer yet; activate again in a moment");
+    }
     writer_ = open(true);
     // Names were found in the plan of the reader: both must be of one run of the bus.
     if (fsn_realtime_wait(link_->reader, 0, nullptr) == FSN_E_STATE) {
@@ -135,7 +155,13 @@ void Cell::activate() {
         deactivate();
         throw Fault("the bus was stopped and started again; activate again in a moment");
     }
-    seen_ = is_lost_ = false;
+    try {
+        open_axes();
+    } catch (const Fault &) {
+        deactivate();
+        throw;
+    }
+    seen_ = is_lost_ = is_fresh_ = false;
     for (Command &command : commands_) {
         command.number = kNothing;
         command.sent = false;
@@ -191,7 +217,8 @@ void Cell::read() {
     if (has_cycle) {
         // The time of the cycle: the newest cycle of a frozen bus is old.
         last_cycle_ = std::chrono::steady_clock::time_point(std::chrono::nanoseconds(cycle.now_ns));
-        seen_ = true;
+        seen_ = is_fresh_ = true;
+        cycle_ns_ = cycle.now_ns;
     }
     if (has_cycle && cycle.actual_wkc == cycle.expected_wkc) {
         last_complete_ = last_cycle_;
@@ -243,6 +270,7 @@ const char *Cell::find_fault(int status, bool is_stalled, bool is_incomplete) co
 }
 
 bool Cell::write() {
+    notice_.clear();
     if (writer_ == nullptr) {
         return true;  // the outputs have their stop values
     }
@@ -257,16 +285,48 @@ bool Cell::write() {
             return refuse(commands_[row].name + " cannot take " + std::to_string(commands_[row].number));
         }
     }
-    if (!commands_.empty()) {
+    if (is_fresh_) {
+        step_axes();
+    }
+    is_fresh_ = false;
+    if (!commands_.empty() || !axes_.empty()) {
         fsn_realtime_send(writer_);
     }
     return true;
+}
+
+/** A target that one axis refuses stops all: the others would continue without it. */
+void Cell::step_axes() {
+    bool refused = false;
+    for (const auto &axis : axes_) {
+        const AxisEvent event = axis->step(writer_, cycle_ns_);
+        refused = refused || event == AxisEvent::kRefused;
+        if (event != AxisEvent::kNothing) {
+            report_axis(*axis, event);
+        }
+    }
+    for (const auto &axis : axes_) {
+        if (refused) {
+            axis->stop();
+        }
+    }
+}
+
+void Cell::report_axis(const DrivenAxis &axis, AxisEvent event) {
+    static constexpr const char *kTexts[] = {"", " has stopped", " cannot be enabled",
+                                             " is commanded beyond its limits, all axes stop"};
+    notice_ += (notice_.empty() ? "" : "; ") + axis.name() + kTexts[static_cast<int>(event)] + " (" +
+               axis.phase() + ")";
 }
 
 bool Cell::write_command(std::size_t row) {
     Command &command = commands_[row];
     const Link::Command &place = link_->commands[row];
     double number = command.claimed ? command.number : kNothing;
+    if (place.of_axis.axis != nullptr) {
+        place.of_axis.axis->set(place.of_axis.role, number);
+        return true;
+    }
     if (std::isnan(number) && place.actual != kNone) {
         if (holds_position(row)) {
             return true;
@@ -292,12 +352,37 @@ bool Cell::holds_position(std::size_t row) const {
     return enabled && commands_[row].sent;
 }
 
-fsn_realtime *Cell::open(bool with_outputs) const {
-    std::vector<const char *> outputs;
-    if (with_outputs) {
-        for (const Command &command : commands_) {
-            outputs.push_back(command.symbol_name.c_str());
+/** Names of the outputs of commands and axes, each once. */
+std::vector<std::string> Cell::output_names() const {
+    std::set<std::string> names;
+    for (const Command &command : commands_) {
+        if (!command.symbol_name.empty()) {
+            names.insert(command.symbol_name);
         }
+    }
+    struct fsn_realtime_symbol symbol{};
+    for (uint32_t n = 0; fsn_realtime_symbol(link_->reader, n, &symbol) == FSN_OK; ++n) {
+        for (const auto &axis : axes_) {
+            if (axis->drives(symbol)) {
+                names.insert(symbol.name);
+            }
+        }
+    }
+    return {names.begin(), names.end()};
+}
+
+void Cell::open_axes() {
+    const double cycle_s = 1e-9 * static_cast<double>(fsn_realtime_cycle_ns(writer_));
+    for (const auto &axis : axes_) {
+        axis->open(writer_, cycle_s * (options_.misses + 1));
+    }
+}
+
+fsn_realtime *Cell::open(bool with_outputs) const {
+    const std::vector<std::string> names = with_outputs ? output_names() : std::vector<std::string>{};
+    std::vector<const char *> outputs;
+    for (const std::string &name : names) {
+        outputs.push_back(name.c_str());
     }
     fsn_realtime_options options{};
     options.socket = options_.socket.c_str();
@@ -343,7 +428,10 @@ Cell::Link::State Cell::Link::find_state(const Cell::State &state) const {
                            : "; `fsoe-net console -c list` shows the names"));
 }
 
-Cell::Link::Command Cell::Link::find_command(const Cell::Command &command) const {
+Cell::Link::Command Cell::Link::find_command(const Cell &cell, const Cell::Command &command) const {
+    if (command.of_axis.axis != nullptr) {
+        return {kNone, kNone, kNone, 0, command.of_axis};
+    }
     const int32_t number = fsn_realtime_output(reader, command.symbol_name.c_str());
     struct fsn_realtime_symbol symbol{};
     if (number == kNone ||
@@ -351,11 +439,29 @@ Cell::Link::Command Cell::Link::find_command(const Cell::Command &command) const
         throw Fault(command.name + ": the plan has no output " + command.symbol_name +
                     "; `fsoe-net console -c list` shows the names");
     }
-    Command found{number, kNone, kNone, symbol.stop_value};
+    Command found{number, kNone, kNone, symbol.stop_value, cell.find_axis(command, symbol)};
+    if (found.of_axis.axis != nullptr) {
+        return found;
+    }
     if (axis_base(symbol.index) >= 0 || ends_with(command.name, "/position")) {
         find_position(command, symbol, found);
     }
     return found;
+}
+
+/** The axis that an output belongs to. @throws Fault  the axis alone writes it. */
+Cell::AxisCommand Cell::find_axis(const Command &command, const struct fsn_realtime_symbol &symbol) const {
+    for (const auto &axis : axes_) {
+        if (!axis->drives(symbol)) {
+            continue;
+        }
+        if (const auto role = axis->role_of(symbol)) {
+            return {axis.get(), *role};
+        }
+        throw Fault(command.name + ": the axis " + axis->name() + " writes its controlword; remove the "
+                    "command_interface, or the param `axis` of the component");
+    }
+    return {};
 }
 
 void Cell::Link::find_position(const Cell::Command &command, const struct fsn_realtime_symbol &target,
@@ -411,7 +517,7 @@ std::shared_ptr<Cell::Link> Cell::connect() {
         link->states.push_back(link->find_state(row));
     }
     for (const Command &row : commands_) {
-        link->commands.push_back(link->find_command(row));
+        link->commands.push_back(link->find_command(*this, row));
     }
     return link;
 }

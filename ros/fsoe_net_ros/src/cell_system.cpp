@@ -65,17 +65,7 @@ public:
             commands_.clear();
             for (const auto *components : {&info_.joints, &info_.gpios, &info_.sensors}) {
                 for (const auto &component : *components) {
-                    for (const auto &row : component.state_interfaces) {
-                        const auto symbol = symbol_of(component, "state_interface/", row.name);
-                        states_.push_back({component.name, row.name,
-                                           cell_->add_state(component.name + "/" + row.name, symbol), {}});
-                    }
-                    for (const auto &row : component.command_interfaces) {
-                        const auto symbol = symbol_of(component, "command_interface/", row.name);
-                        commands_.push_back({component.name, row.name,
-                                             cell_->add_command(component.name + "/" + row.name, symbol,
-                                                                initial_of(component, row)), {}});
-                    }
+                    add_component(component);
                 }
             }
         });
@@ -179,7 +169,12 @@ public:
             *row.value = row.handle->get_optional<double>().value_or(*row.value);
         }
 #endif
-        if (cell_->write()) {
+        const bool written = cell_->write();
+        if (!cell_->notice().empty()) {
+            RCLCPP_WARN(logger(), "%s; an axis starts only after its controller is activated again",
+                        cell_->notice().c_str());
+        }
+        if (written) {
             return return_type::OK;
         }
         RCLCPP_ERROR(logger(), "%s; activate the hardware again after the cause is gone",
@@ -192,6 +187,7 @@ public:
     }
 
 private:
+    using Component = hardware_interface::ComponentInfo;
     struct State {
         std::string component, name;
         const double *value;
@@ -211,6 +207,52 @@ private:
         return {row.component, info};
     }
 #endif
+
+    void add_component(const Component &component) {
+        const auto axis = add_axis(component);
+        for (const auto &row : component.state_interfaces) {
+            const auto symbol = symbol_of(component, "state_interface/", row.name);
+            const std::string name = component.name + "/" + row.name;
+            states_.push_back({component.name, row.name, cell_->add_state(name, symbol), {}});
+        }
+        for (const auto &row : component.command_interfaces) {
+            commands_.push_back({component.name, row.name, add_command(component, row, axis), {}});
+        }
+    }
+
+    double *add_command(const Component &component, const hardware_interface::InterfaceInfo &row,
+                        const std::optional<std::size_t> &axis) {
+        const std::string name = component.name + "/" + row.name;
+        if (axis && (row.name == "reset_fault" || row.name == "home")) {
+            const auto role = row.name == "home" ? AxisRole::kHome : AxisRole::kResetFault;
+            return cell_->add_axis_command(name, *axis, role);
+        }
+        const auto symbol = symbol_of(component, "command_interface/", row.name);
+        return cell_->add_command(name, symbol, initial_of(component, row));
+    }
+
+    /** The axis that a component with the param `axis` has; none: it has no such param. */
+    std::optional<std::size_t> add_axis(const Component &component) {
+        if (component.parameters.count("axis") == 0) {
+            return std::nullopt;
+        }
+        const auto given = [&component](const char *name, const char *otherwise) {
+            const auto found = component.parameters.find(name);
+            return found == component.parameters.end() ? std::string(otherwise) : found->second;
+        };
+        const auto place = [&component](const char *name) {
+            return std::string("param `") + name + "` of " + component.name;
+        };
+        AxisOptions options;
+        options.component = component.name;
+        options.subdevice = given("axis", "");
+        options.number = whole(given("axis_number", "0"), place("axis_number"));
+        options.mode = static_cast<int>(whole(given("mode_of_operation", "8"), place("mode_of_operation")));
+        options.max_velocity = real(given("max_velocity", "0"), place("max_velocity"));
+        options.max_effort = real(given("max_effort", "0"), place("max_effort"));
+        options.auto_fault_reset = given("auto_fault_reset", "false") == "true";
+        return cell_->add_axis(options);
+    }
 
     void show_states() {
 #ifdef FSOE_NET_ROS_SHARED_HANDLES
@@ -250,32 +292,34 @@ private:
     }
 
     /** The name in the plan: `SUBDEVICE.INTERFACE`, or what a param of the component says. */
-    static std::string symbol_of(const hardware_interface::ComponentInfo &component,
-                                 const std::string &side, const std::string &name) {
-        const auto &given = component.parameters;
-        const auto symbol = given.find(side + name);
-        if (symbol != given.end()) {
-            return symbol->second;
-        }
-        const auto subdevice = given.find("subdevice");
-        return (subdevice != given.end() ? subdevice->second : component.name) + "." + name;
+    static std::string symbol_of(const Component &component, const std::string &side,
+                                 const std::string &name) {
+        const auto symbol = component.parameters.find(side + name);
+        return symbol != component.parameters.end() ? symbol->second : subdevice_of(component) + "." + name;
+    }
+
+    static std::string subdevice_of(const Component &component) {
+        const auto subdevice = component.parameters.find("subdevice");
+        return subdevice != component.parameters.end() ? subdevice->second : component.name;
     }
 
     /** What an output has without a command; not a number: its stop value. */
-    static double initial_of(const hardware_interface::ComponentInfo &component,
-                             const hardware_interface::InterfaceInfo &row) {
+    static double initial_of(const Component &component, const hardware_interface::InterfaceInfo &row) {
         if (row.initial_value.empty()) {
             return std::numeric_limits<double>::quiet_NaN();
         }
+        return real(row.initial_value, "initial_value of " + component.name + "/" + row.name);
+    }
+
+    static double real(const std::string &text, const std::string &place) {
         std::size_t used = 0;
         double value = 0;
         try {
-            value = std::stod(row.initial_value, &used);
+            value = std::stod(text, &used);
         } catch (const std::exception &) {
         }
-        if (used != row.initial_value.size() || !std::isfinite(value)) {
-            throw Fault("initial_value of " + component.name + "/" + row.name +
-                        " is not a number: " + row.initial_value);
+        if (text.empty() || used != text.size() || !std::isfinite(value)) {
+            throw Fault(place + " is not a number: " + text);
         }
         return value;
     }
@@ -286,10 +330,13 @@ private:
     }
 
     unsigned number(const std::string &name, unsigned otherwise) const {
-        const std::string text = parameter(name, std::to_string(otherwise));
+        return whole(parameter(name, std::to_string(otherwise)), "param `" + name + "` of the hardware");
+    }
+
+    static unsigned whole(const std::string &text, const std::string &place) {
         if (text.empty() || text.size() > 6 ||
             text.find_first_not_of("0123456789") != std::string::npos) {
-            throw Fault("param `" + name + "` of the hardware is no whole number: " + text);
+            throw Fault(place + " is no whole number: " + text);
         }
         return static_cast<unsigned>(std::stoul(text));
     }

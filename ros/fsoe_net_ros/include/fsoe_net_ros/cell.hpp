@@ -5,6 +5,9 @@
  *  `in_data` (1 or 0) and `state` (0 silent … 6 process data, 7 unknown). A command is an output of the
  *  plan. An input and an output may share a name; one is never taken for the other.
  *
+ *  Of an axis by CiA 402 the outputs are those of the state machine in <fsn/axis.h>. A controller that
+ *  claims its target asks for operation. After a stop of any kind the axis needs another claim.
+ *
  *  From configure() on a thread follows the connections. When fsn-master or its bus is gone, it connects
  *  again, and states return by themselves. Commands do not: they need activate() again.
  */
@@ -12,6 +15,7 @@
 #define FSOE_NET_ROS_CELL_HPP
 
 #include <chrono>
+#include <cstdint>
 #include <deque>
 #include <functional>
 #include <memory>
@@ -19,8 +23,10 @@
 #include <stdexcept>
 #include <string>
 #include <thread>
+#include <vector>
 
 struct fsn_realtime;
+struct fsn_realtime_symbol;
 
 namespace fsoe_net_ros {
 
@@ -29,6 +35,23 @@ class Fault : public std::runtime_error {
 public:
     using std::runtime_error::runtime_error;
 };
+
+/** Commands of an axis. */
+enum class AxisRole { kPosition, kVelocity, kEffort, kMode, kResetFault, kHome };
+constexpr std::size_t kAxisRoles = 6;
+
+struct AxisOptions {
+    std::string component;          ///< joint, for messages
+    std::string subdevice;          ///< in the plan
+    unsigned number = 0;            ///< objects of axis n are 0x800 * n higher
+    int mode = 8;                   ///< mode of operation while no controller commands one
+    double max_velocity = 0;        ///< in the unit of the commands; 0: no mode that needs it
+    double max_effort = 0;          ///< same
+    bool auto_fault_reset = false;  ///< the axis is off afterwards
+};
+
+class DrivenAxis;
+enum class AxisEvent;
 
 class Cell {
 public:
@@ -61,6 +84,15 @@ public:
      *  @param[in] name  as ros2_control calls it; claim() and release() take it. */
     double *add_command(const std::string &name, const std::string &symbol, double initial);
 
+    /** Declares an axis: a command of one of its outputs is then a command of the axis. Before
+     *  configure().
+     *  @return its number. */
+    std::size_t add_axis(const AxisOptions &options);
+
+    /** Declares a command of an axis that is not an output: to reset a fault or to home, when it
+     *  changes from 0 to another number. */
+    double *add_axis_command(const std::string &name, std::size_t axis, AxisRole role);
+
     /** A controller commands this from now on; its value counts once it is written. RT-safe. */
     void claim(const std::string &name);
 
@@ -85,6 +117,9 @@ public:
      *  without outputs. RT-safe but for the text of a fault. */
     bool write();
 
+    /** What an axis has done by itself in the last write(), empty if nothing. */
+    const std::string &notice() const { return notice_; }
+
     /** Gives the outputs back: they take their stop values. States are still read. Does not wait. */
     void deactivate();
 
@@ -103,19 +138,29 @@ private:
         std::string name, symbol_name;
         double number;
     };
+    struct AxisCommand {
+        DrivenAxis *axis;   // null: an output of its own
+        AxisRole role;
+    };
     struct Command {
         std::string name, symbol_name;
         double number, initial;
+        AxisCommand of_axis;  // without an output
         bool claimed, sent;   // a controller has it; a position was sent
     };
 
     void start_bus();
     std::shared_ptr<Link> connect();
     fsn_realtime *open(bool with_outputs) const;
+    std::vector<std::string> output_names() const;
+    AxisCommand find_axis(const Command &command, const struct fsn_realtime_symbol &symbol) const;
+    void open_axes();
     void take_fresh_link();
     void show(double &number, const Link &link, std::size_t row, bool has_cycle, bool is_stalled) const;
     const char *find_fault(int status, bool is_stalled, bool is_incomplete) const;
     bool write_command(std::size_t row);
+    void step_axes();
+    void report_axis(const DrivenAxis &axis, AxisEvent event);
     bool holds_position(std::size_t row) const;
     void follow(std::shared_ptr<Link> link);
     void follow_connections(Link &link);
@@ -125,16 +170,19 @@ private:
     Options options_;
     std::deque<State> states_;
     std::deque<Command> commands_;
+    std::vector<std::unique_ptr<DrivenAxis>> axes_;
     std::shared_ptr<Link> link_;       // from configure() on
     std::mutex mutex_;                 // of the next; read() never waits for it
     std::shared_ptr<Link> fresh_;      // the next connection, or the former: the thread frees it
     fsn_realtime *writer_ = nullptr;   // from activate() on: has the outputs
     bool seen_ = false;                // the writer has the inputs of a cycle
+    bool is_fresh_ = false;            // no write() has answered it yet
+    uint64_t cycle_ns_ = 0;            // its start
     std::thread follower_;
     int wake_;                         // eventfd: ends what the follower waits for
     std::chrono::steady_clock::time_point last_cycle_, last_complete_;
     bool is_lost_ = false;
-    std::string fault_;
+    std::string fault_, notice_;
 };
 
 }  // namespace fsoe_net_ros
