@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import time
+from pathlib import Path
 
 from live.live_rig import CASES, Emulator, Running, main, wait_for
 from ros2.caller import Caller
 from ros2.rig import Peer, System, bridged, typestore
 
 from fsoe_net.live.client import Client
+from fsoe_net.live.master import find_master
 from fsoe_net.ros2 import messages
 
 ARRAY = "diagnostic_msgs::msg::dds_::DiagnosticArray_"
@@ -371,7 +374,42 @@ def cia402_modes(network, program, scenario):
     return seen | {"said": axis.end()}
 
 
-CASES |= {"adapter": adapter, "axis": axis, "objects": objects, "reset": reset}
+def driver(urdf, program, scenario):
+    """A robot of the driver without FSoE: its own fsn-master, and a drive that is not at 0."""
+    emulator = Emulator(urdf, "--scenario", scenario)
+    socket = Path("s").absolute()
+    words = ["class=EthercatDriver", f"urdf={urdf}", f"socket={socket}", "interface=near"]
+    words += ["bus=soem", "misses=1000", "lost_ms=2000", f"fsoe_net={FSOE_NET}"]
+    with System(program, *words, f"fsn_master={find_master()}") as system:
+        system.goes("init", "configure", "activate")
+        drive = Client(socket)
+
+        def facts():
+            values = drive.get("axis.0x6041:00", "axis.position")
+            joint = float(system.ask("get elbow/position"))
+            state = values.inputs["axis.0x6041:00"] & 0x6F
+            return [state, values.outputs["axis.position"], values.inputs["axis.position"], joint]
+
+        def reaches(state, counts):
+            system.sends(lambda: facts()[0] == state and abs(facts()[2] - counts) < 20)
+
+        system.sends(lambda: facts()[1] == 16384)
+        system.goes("cycle 300")
+        seen = {"unclaimed": facts()}
+        system.goes("start elbow/position")
+        reaches(0x27, 16384)
+        system.goes("set elbow/position -1.3")
+        reaches(0x27, 13559)
+        system.goes("cycle 50")
+        seen["moved"] = facts()
+        system.goes("cleanup")
+        seen |= {"ended": not socket.exists(), "said": system.end()}
+    emulator.end()
+    return seen
+
+
+FSOE_NET = Path(sys.executable).with_name("fsoe-net")
+CASES |= {"adapter": adapter, "axis": axis, "driver": driver, "reset": reset}
 CASES |= {"cia402": cia402, "cia402_lost": cia402_lost, "cia402_modes": cia402_modes}
 
 if __name__ == "__main__":

@@ -30,9 +30,10 @@ def built(generation: str) -> Path:
         The stand-in, which has the library of the package; beside it ``out``, what is installed.
     """
     cmake, compiler = shutil.which("cmake"), shutil.which("g++")
-    there = [Path("/usr/share") / p for p in ("ament_cmake", "cmake/nlohmann_json")]
-    if cmake is None or compiler is None or not all(path.is_dir() for path in there):
-        why = "needs g++, cmake, ament-cmake and nlohmann-json3-dev of Debian"
+    parts = ("share/ament_cmake", "share/cmake/nlohmann_json", "include/tinyxml2.h")
+    there = [Path("/usr") / part for part in parts]
+    if cmake is None or compiler is None or not all(path.exists() for path in there):
+        why = "needs g++, cmake, ament-cmake, nlohmann-json3-dev and libtinyxml2-dev of Debian"
         (pytest.fail if REQUIRED else pytest.skip)(why)
     sources = sorted(p for p in PACKAGE.rglob("*") if p.is_file())
     client = sorted((CORE / "src" / "client").glob("*.c"))
@@ -59,8 +60,8 @@ def _build(cmake: str, compiler: str, generation: str, folder: Path) -> None:
     stubs = PACKAGE / "test" / "stubs"
     folders = [stubs, stubs / generation]
     folders += [stubs / "shared_handles"] if generation != "humble" else []
-    stand_in = [compiler, "-std=c++17", *(f"-I{f}" for f in folders)]
-    library = [f"-L{build}", "-lfsoe_net_ros", f"-Wl,-rpath,{build}"]
+    stand_in = [compiler, "-std=c++17", "-Wl,--no-as-needed", *(f"-I{f}" for f in folders)]
+    library = [f"-L{build}", "-lfsoe_net_ros", "-ltinyxml2", f"-Wl,-rpath,{build}"]
     # As in a workspace of colcon: a link leads to the package.
     link = folder / "src"
     link.unlink(missing_ok=True)

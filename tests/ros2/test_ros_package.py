@@ -484,10 +484,11 @@ def test_the_launch_file_gives_the_socket_and_waits_for_fsn_master(
 
 
 def test_the_files_around_it_name_what_is_there() -> None:
-    plugin = ET.parse(PACKAGE / "fsoe_net_ros.xml").getroot().find("class")
-    assert plugin is not None
-    text = (PACKAGE / "src" / "cell_system.cpp").read_text("utf-8")
-    assert f"PLUGINLIB_EXPORT_CLASS({plugin.get('type')}, {plugin.get('base_class_type')})" in text
+    plugins = list(ET.parse(PACKAGE / "fsoe_net_ros.xml").getroot().iter("class"))
+    rows = {(row.get("type", ""), row.get("base_class_type", "")) for row in plugins}
+    text = "".join(path.read_text("utf-8") for path in (PACKAGE / "src").iterdir())
+    assert set(re.findall(r"PLUGINLIB_EXPORT_CLASS\((\S+), (\S+)\)", text)) == rows
+    assert {row.get("name", "").replace("/", "::") for row in plugins} == {name for name, _ in rows}
     ast.parse((PACKAGE / "launch" / "cell.launch.py").read_text("utf-8"))
     includes = re.findall(r"#include <((?:hardware_interface|rclcpp|pluginlib)[^>]*)>", text)
     stubs = PACKAGE / "test" / "stubs"

@@ -20,6 +20,7 @@ from fsoe_net.model.drives import CIA402_PLUGIN
 DRIVER_PLUGIN = "ethercat_driver/EthercatDriver"
 IGH_MASTER = "ethercat_master/EtherlabMaster"  # also if there is no master_plugin
 MOCK_MASTER = "ethercat_master/MockMaster"
+_OWN_PLUGIN = "fsoe_net_ros/EthercatDriver"  # reads the same description
 _PROTOTYPE_PLUGIN = "ethercat_driver/EthercatSafetyDriver"
 _PACKAGES = ("ethercat_generic_plugins/", "ethercat_plugins/")
 _VENDOR_PLUGINS = """
@@ -74,7 +75,7 @@ def known_plugin_findings(plugin: str, span: Span) -> list[Diagnostic]:
 
 def driver_plugin_findings(plugin: str, span: Span, out: Collector) -> None:
     """Add FSN122 or FSN121 if the plugin of a ``ros2_control`` block is not the current driver."""
-    if plugin == DRIVER_PLUGIN:
+    if plugin in (DRIVER_PLUGIN, _OWN_PLUGIN):
         return
     if plugin == _PROTOTYPE_PLUGIN:
         out.add(

@@ -87,14 +87,42 @@ Cell::~Cell() {
     ::close(wake_);
 }
 
-const double *Cell::add_state(const std::string &name, const std::string &symbol) {
-    states_.push_back({name, symbol, kNothing});
+const double *Cell::add_state(const std::string &name) {
+    states_.push_back({name, "", kNothing});
     return &states_.back().number;
 }
 
-double *Cell::add_command(const std::string &name, const std::string &symbol, double initial) {
-    commands_.push_back({name, symbol, kNothing, initial, {}, false, false});
+double *Cell::add_command(const std::string &name, double initial) {
+    commands_.push_back({name, "", kNothing, initial, {}, false, false});
     return &commands_.back().number;
+}
+
+void Cell::unbind() {
+    cleanup();
+    for (State &state : states_) {
+        state.symbol_name.clear();
+    }
+    for (Command &command : commands_) {
+        command.symbol_name.clear();
+        command.of_axis = {};
+    }
+    axes_.clear();
+}
+
+void Cell::bind_state(const std::string &name, const std::string &symbol) {
+    for (State &state : states_) {
+        if (state.name == name) {
+            state.symbol_name = symbol;
+        }
+    }
+}
+
+void Cell::bind_command(const std::string &name, const std::string &symbol) {
+    for (Command &command : commands_) {
+        if (command.name == name) {
+            command.symbol_name = symbol;
+        }
+    }
 }
 
 std::size_t Cell::add_axis(const AxisOptions &options) {
@@ -102,9 +130,27 @@ std::size_t Cell::add_axis(const AxisOptions &options) {
     return axes_.size() - 1;
 }
 
-double *Cell::add_axis_command(const std::string &name, std::size_t axis, AxisRole role) {
-    commands_.push_back({name, "", kNothing, kNothing, {axes_[axis].get(), role}, false, false});
-    return &commands_.back().number;
+void Cell::bind_request(const std::string &name, std::size_t axis, AxisRole role) {
+    for (Command &command : commands_) {
+        if (command.name == name) {
+            command.of_axis = {axes_[axis].get(), role};
+        }
+    }
+}
+
+std::vector<std::string> Cell::unbound() const {
+    std::vector<std::string> names;
+    for (const State &state : states_) {
+        if (state.symbol_name.empty()) {
+            names.push_back(state.name);
+        }
+    }
+    for (const Command &command : commands_) {
+        if (command.symbol_name.empty() && command.of_axis.axis == nullptr) {
+            names.push_back(command.name);
+        }
+    }
+    return names;
 }
 
 void Cell::claim(const std::string &name) {
@@ -244,7 +290,7 @@ void Cell::show(double &number, const Link &link, std::size_t row, bool has_cycl
         const int now_state = is_stalled ? kUnknown : link.connections[state.connection].state.load();
         const bool in_data = now_state == kProcessData || now_state == kFailSafeData;
         number = !state.in_data ? now_state : (in_data ? 1.0 : 0.0);
-    } else if (is_stalled) {
+    } else if (is_stalled || state.symbol == kNone) {
         number = kNothing;
     } else if (has_cycle) {
         number = fsn_realtime_value(writer_ != nullptr ? writer_ : link.reader, state.symbol);
@@ -327,6 +373,9 @@ bool Cell::write_command(std::size_t row) {
         place.of_axis.axis->set(place.of_axis.role, number);
         return true;
     }
+    if (place.symbol == kNone) {
+        return true;  // bound to nothing
+    }
     if (std::isnan(number) && place.actual != kNone) {
         if (holds_position(row)) {
             return true;
@@ -390,6 +439,7 @@ fsn_realtime *Cell::open(bool with_outputs) const {
     options.output_count = outputs.size();
     options.misses = options_.misses;
     options.timeout_ms = kTryMs;
+    options.plan_sha256 = options_.plan_sha256.empty() ? nullptr : options_.plan_sha256.c_str();
     fsn_realtime_fault fault{};
     fsn_realtime *opened = nullptr;
     if (fsn_realtime_open(&options, &opened, &fault) != FSN_OK) {
@@ -411,6 +461,9 @@ int32_t Cell::Link::find_object(const std::string &subdevice, unsigned index) co
 
 Cell::Link::State Cell::Link::find_state(const Cell::State &state) const {
     const std::string &name = state.symbol_name;
+    if (name.empty()) {
+        return {kNone, kNoConnection, false};
+    }
     const int32_t symbol = fsn_realtime_input(reader, name.c_str());
     if (symbol != kNone) {
         return {symbol, kNoConnection, false};
@@ -429,7 +482,7 @@ Cell::Link::State Cell::Link::find_state(const Cell::State &state) const {
 }
 
 Cell::Link::Command Cell::Link::find_command(const Cell &cell, const Cell::Command &command) const {
-    if (command.of_axis.axis != nullptr) {
+    if (command.symbol_name.empty()) {
         return {kNone, kNone, kNone, 0, command.of_axis};
     }
     const int32_t number = fsn_realtime_output(reader, command.symbol_name.c_str());

@@ -62,12 +62,10 @@ uint32_t DrivenAxis::limit(AxisRole role, double most) const {
 
 void DrivenAxis::open(const fsn_realtime *writer, double write_s) {
     if (needs_velocity(options_.mode) && options_.max_velocity <= 0) {
-        throw Fault(name() + " has no `max_velocity`: add the param, or a <limit velocity> to the joint for "
-                             "`fsoe-net convert`");
+        throw Fault(name() + " has no `max_velocity`: add <limit velocity=…> to its joint in the URDF, or the param");
     }
     if (options_.mode == FSN_AXIS_CST && options_.max_effort <= 0) {
-        throw Fault(name() + " has no `max_effort`: add the param, or a <limit effort> to the joint for "
-                             "`fsoe-net convert`");
+        throw Fault(name() + " has no `max_effort`: add <limit effort=…> to its joint in the URDF, or the param");
     }
     find_scales(writer);
     fsn_axis_options options{};

@@ -1,20 +1,21 @@
 // Drives the adapter, linked against the stubs, as a controller manager would: commands come as lines.
 //
-//   drive_system [PARAM=VALUE…] [s:COMPONENT/INTERFACE…] [c:COMPONENT/INTERFACE[=INITIAL]…]
+//   drive_system [class=NAME] [urdf=FILE] [PARAM=VALUE…] [s:COMPONENT/INTERFACE…] [c:COMPONENT/INTERFACE[=INITIAL]…]
 //                [p:COMPONENT/PARAM=VALUE…]
 //
 // Lines: init configure activate deactivate cleanup error · cycle N (read, write, 1 ms), write · start NAME…, stop NAME…
 // (a controller claims or releases commands) · set COMPONENT/INTERFACE VALUE · get COMPONENT/INTERFACE. Each
 // line is answered by one. After an error or DEACTIVATE of read or write it calls the same function as the resource manager.
 #include <chrono>
+#include <fstream>
+#include <hardware_interface/component_parser.hpp>
 #include <hardware_interface/system_interface.hpp>
 #include <iostream>
 #include <map>
 #include <memory>
+#include <pluginlib/class_list_macros.hpp>
 #include <sstream>
 #include <thread>
-
-extern "C" hardware_interface::SystemInterface *stub_create();
 
 using hardware_interface::CallbackReturn;
 using hardware_interface::return_type;
@@ -23,6 +24,13 @@ namespace {
 
 hardware_interface::HardwareInfo info_of(int count, char **words) {
     hardware_interface::HardwareInfo info;
+    for (int i = 1; i < count; ++i) {
+        if (const std::string word = words[i]; word.rfind("urdf=", 0) == 0) {
+            std::ifstream file(word.substr(5));
+            info = hardware_interface::parse_control_resources_from_urdf(
+                       {std::istreambuf_iterator<char>(file), {}}).front();
+        }
+    }
     std::map<std::string, hardware_interface::ComponentInfo> found;
     for (int i = 1; i < count; ++i) {
         const std::string word = words[i];
@@ -113,8 +121,10 @@ const char *cycles(hardware_interface::SystemInterface &system, int count) {
 }  // namespace
 
 int main(int count, char **words) {
-    std::unique_ptr<hardware_interface::SystemInterface> system(stub_create());
     const auto info = info_of(count, words);
+    const auto chosen = info.hardware_parameters.find("class");
+    const std::string plugin = chosen == info.hardware_parameters.end() ? "CellSystem" : chosen->second;
+    std::unique_ptr<hardware_interface::SystemInterface> system(stub_classes.at("fsoe_net_ros::" + plugin)());
     const rclcpp_lifecycle::State state;
     Handles handles;
     std::string line;

@@ -57,6 +57,7 @@ class Cell {
 public:
     struct Options {
         std::string socket;         ///< control socket of fsn-master
+        std::string plan_sha256;    ///< the plan that it must drive, in hexadecimal; empty: any
         unsigned misses = 10;       ///< cycles that may pass without new commands, see fsn/client.h
         bool start = false;         ///< configure() also starts a bus that is stopped
         unsigned lost_ms = 100;     ///< without a cycle, or with SubDevices missing, until write() fails
@@ -70,28 +71,45 @@ public:
     Cell &operator=(const Cell &) = delete;
 
     /** Declares a state; the place of its value, valid as long as this object. Not a number until it
-     *  is read. Before configure().
-     *  @param[in] name    `drive_1/position`, for messages.
-     *  @param[in] symbol  name of an input of the plan, or `CONNECTION.in_data`, `CONNECTION.state`. */
-    const double *add_state(const std::string &name, const std::string &symbol);
+     *  is read.
+     *  @param[in] name  `drive_1/position`, as ros2_control calls it. */
+    const double *add_state(const std::string &name);
 
-    /** Declares a command. Before configure().
+    /** Declares a command; one that is bound to nothing is ignored.
      *
      *  While no controller claims it, or its value is not a number, there is no command. An output
      *  without a command has `initial`, or its stop value where that is not a number. A target
      *  position without one holds the last position that was sent while the drive is enabled, and
      *  follows the actual position while it is not: an axis neither sags nor jumps.
      *  @param[in] name  as ros2_control calls it; claim() and release() take it. */
-    double *add_command(const std::string &name, const std::string &symbol, double initial);
+    double *add_command(const std::string &name, double initial);
 
-    /** Declares an axis: a command of one of its outputs is then a command of the axis. Before
-     *  configure().
+    /** Binds states and commands anew: until bound they are without a value. */
+    void unbind();
+
+    /** Binds a state, if it was declared. Before configure().
+     *  @param[in] symbol  name of an input of the plan, or `CONNECTION.in_data`, `CONNECTION.state`. */
+    void bind_state(const std::string &name, const std::string &symbol);
+
+    /** Binds a command, if it was declared, to an output of the plan. Before configure(). */
+    void bind_command(const std::string &name, const std::string &symbol);
+
+    /** Adds an axis: a command of one of its outputs is then a command of the axis. Before configure().
      *  @return its number. */
     std::size_t add_axis(const AxisOptions &options);
 
-    /** Declares a command of an axis that is not an output: to reset a fault or to home, when it
-     *  changes from 0 to another number. */
-    double *add_axis_command(const std::string &name, std::size_t axis, AxisRole role);
+    /** Binds a command of an axis that is not an output: to reset a fault or to home, when it changes
+     *  from 0 to another number. */
+    void bind_request(const std::string &name, std::size_t axis, AxisRole role);
+
+    /** Names that are bound to nothing. */
+    std::vector<std::string> unbound() const;
+
+    /** Sets the socket, and the plan that fsn-master must drive there. Before configure(). */
+    void use(const std::string &socket, const std::string &plan_sha256) {
+        options_.socket = socket;
+        options_.plan_sha256 = plan_sha256;
+    }
 
     /** A controller commands this from now on; its value counts once it is written. RT-safe. */
     void claim(const std::string &name);

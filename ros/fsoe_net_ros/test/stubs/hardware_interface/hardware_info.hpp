@@ -1,5 +1,6 @@
 // Stub, see README.md.
 #pragma once
+#include <hardware_interface/version.h>
 #include <stdexcept>
 #include <string>
 #include <unordered_map>
@@ -24,5 +25,8 @@ struct HardwareInfo {
     std::string name;
     std::unordered_map<std::string, std::string> hardware_parameters;
     std::vector<ComponentInfo> joints, sensors, gpios;
+#if HARDWARE_INTERFACE_VERSION_MAJOR >= 4  // absent in older ones of Humble
+    std::string original_xml;
+#endif
 };
 }  // namespace hardware_interface

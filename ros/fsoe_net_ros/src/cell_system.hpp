@@ -4,6 +4,9 @@
 //
 // read() is never an error: ros2_control treats every value of it but OK as one, and states would end with
 // the commands. A fault is the answer of the write() that follows, which ends the commands alone.
+#ifndef FSOE_NET_ROS_CELL_SYSTEM_HPP
+#define FSOE_NET_ROS_CELL_SYSTEM_HPP
+
 #include <cmath>
 #include <hardware_interface/hardware_info.hpp>
 #include <hardware_interface/system_interface.hpp>
@@ -11,7 +14,6 @@
 #include <limits>
 #include <memory>
 #include <optional>
-#include <pluginlib/class_list_macros.hpp>
 #include <rclcpp/rclcpp.hpp>
 #include <rclcpp_lifecycle/state.hpp>
 #include <string>
@@ -52,10 +54,7 @@ public:
         }
         return guarded(CallbackReturn::ERROR, [this] {
             Cell::Options options;
-            options.socket = parameter("socket", "");
-            if (options.socket.empty()) {
-                throw Fault("the hardware has no param `socket`: the control socket of fsn-master");
-            }
+            options.socket = socket();
             options.misses = number("misses", options.misses);
             options.lost_ms = number("lost_ms", options.lost_ms);
             options.start = parameter("start", "false") == "true";
@@ -63,11 +62,8 @@ public:
             cell_ = std::make_unique<Cell>(options);
             states_.clear();
             commands_.clear();
-            for (const auto *components : {&info_.joints, &info_.gpios, &info_.sensors}) {
-                for (const auto &component : *components) {
-                    add_component(component);
-                }
-            }
+            for_each_component(info_, [this](const Component &component) { declare(component); });
+            bind(info_);
         });
     }
 
@@ -186,8 +182,60 @@ public:
 #endif
     }
 
-private:
+protected:
     using Component = hardware_interface::ComponentInfo;
+
+    /** Control socket of fsn-master. @throws Fault  it is not stated. */
+    virtual std::string socket() const {
+        const std::string path = parameter("socket", "");
+        if (path.empty()) {
+            throw Fault("the hardware has no param `socket`: the control socket of fsn-master");
+        }
+        return path;
+    }
+
+    /** Finds the names of the plan in the params of components; not before on_init(). */
+    void bind(const hardware_interface::HardwareInfo &info) {
+        cell_->unbind();
+        for_each_component(info, [this](const Component &component) { bind_component(component); });
+    }
+
+    template <class Work> CallbackReturn guarded(CallbackReturn otherwise, Work work) {
+        try {
+            work();
+            return CallbackReturn::SUCCESS;
+        } catch (const std::exception &fault) {
+            RCLCPP_ERROR(logger(), "%s", fault.what());
+            if (otherwise == CallbackReturn::FAILURE) {
+                RCLCPP_ERROR(logger(), "then: ros2 control set_hardware_component_state %s active",
+                             info_.name.c_str());
+            }
+            return otherwise;
+        }
+    }
+
+    std::string parameter(const std::string &name, const std::string &otherwise) const {
+        const auto found = info_.hardware_parameters.find(name);
+        return found == info_.hardware_parameters.end() ? otherwise : found->second;
+    }
+
+    unsigned number(const std::string &name, unsigned otherwise) const {
+        return whole(parameter(name, std::to_string(otherwise)), "param `" + name + "` of the hardware");
+    }
+
+    static unsigned whole(const std::string &text, const std::string &place) {
+        if (text.empty() || text.size() > 6 ||
+            text.find_first_not_of("0123456789") != std::string::npos) {
+            throw Fault(place + " is no whole number: " + text);
+        }
+        return static_cast<unsigned>(std::stoul(text));
+    }
+
+    static rclcpp::Logger logger() { return rclcpp::get_logger("fsoe_net_ros"); }
+
+    std::unique_ptr<Cell> cell_;
+
+private:
     struct State {
         std::string component, name;
         const double *value;
@@ -208,27 +256,39 @@ private:
     }
 #endif
 
-    void add_component(const Component &component) {
-        const auto axis = add_axis(component);
-        for (const auto &row : component.state_interfaces) {
-            const auto symbol = symbol_of(component, "state_interface/", row.name);
-            const std::string name = component.name + "/" + row.name;
-            states_.push_back({component.name, row.name, cell_->add_state(name, symbol), {}});
-        }
-        for (const auto &row : component.command_interfaces) {
-            commands_.push_back({component.name, row.name, add_command(component, row, axis), {}});
+    template <class Work>
+    static void for_each_component(const hardware_interface::HardwareInfo &info, Work work) {
+        for (const auto *components : {&info.joints, &info.gpios, &info.sensors}) {
+            for (const auto &component : *components) {
+                work(component);
+            }
         }
     }
 
-    double *add_command(const Component &component, const hardware_interface::InterfaceInfo &row,
-                        const std::optional<std::size_t> &axis) {
-        const std::string name = component.name + "/" + row.name;
-        if (axis && (row.name == "reset_fault" || row.name == "home")) {
-            const auto role = row.name == "home" ? AxisRole::kHome : AxisRole::kResetFault;
-            return cell_->add_axis_command(name, *axis, role);
+    void declare(const Component &component) {
+        for (const auto &row : component.state_interfaces) {
+            states_.push_back({component.name, row.name, cell_->add_state(component.name + "/" + row.name), {}});
         }
-        const auto symbol = symbol_of(component, "command_interface/", row.name);
-        return cell_->add_command(name, symbol, initial_of(component, row));
+        for (const auto &row : component.command_interfaces) {
+            double *value = cell_->add_command(component.name + "/" + row.name, initial_of(component, row));
+            commands_.push_back({component.name, row.name, value, {}});
+        }
+    }
+
+    void bind_component(const Component &component) {
+        const auto axis = add_axis(component);
+        for (const auto &row : component.state_interfaces) {
+            cell_->bind_state(component.name + "/" + row.name, symbol_of(component, "state_interface/", row.name));
+        }
+        for (const auto &row : component.command_interfaces) {
+            const std::string name = component.name + "/" + row.name;
+            if (axis && (row.name == "reset_fault" || row.name == "home")) {
+                cell_->bind_request(name, *axis,
+                                    row.name == "home" ? AxisRole::kHome : AxisRole::kResetFault);
+            } else {
+                cell_->bind_command(name, symbol_of(component, "command_interface/", row.name));
+            }
+        }
     }
 
     /** The axis that a component with the param `axis` has; none: it has no such param. */
@@ -277,20 +337,6 @@ private:
 #endif
     }
 
-    template <class Work> CallbackReturn guarded(CallbackReturn otherwise, Work work) {
-        try {
-            work();
-            return CallbackReturn::SUCCESS;
-        } catch (const std::exception &fault) {
-            RCLCPP_ERROR(logger(), "%s", fault.what());
-            if (otherwise == CallbackReturn::FAILURE) {
-                RCLCPP_ERROR(logger(), "then: ros2 control set_hardware_component_state %s active",
-                             info_.name.c_str());
-            }
-            return otherwise;
-        }
-    }
-
     /** The name in the plan: `SUBDEVICE.INTERFACE`, or what a param of the component says. */
     static std::string symbol_of(const Component &component, const std::string &side,
                                  const std::string &name) {
@@ -324,30 +370,10 @@ private:
         return value;
     }
 
-    std::string parameter(const std::string &name, const std::string &otherwise) const {
-        const auto found = info_.hardware_parameters.find(name);
-        return found == info_.hardware_parameters.end() ? otherwise : found->second;
-    }
-
-    unsigned number(const std::string &name, unsigned otherwise) const {
-        return whole(parameter(name, std::to_string(otherwise)), "param `" + name + "` of the hardware");
-    }
-
-    static unsigned whole(const std::string &text, const std::string &place) {
-        if (text.empty() || text.size() > 6 ||
-            text.find_first_not_of("0123456789") != std::string::npos) {
-            throw Fault(place + " is no whole number: " + text);
-        }
-        return static_cast<unsigned>(std::stoul(text));
-    }
-
-    static rclcpp::Logger logger() { return rclcpp::get_logger("fsoe_net_ros"); }
-
-    std::unique_ptr<Cell> cell_;
     std::vector<State> states_;
     std::vector<Command> commands_;
 };
 
 }  // namespace fsoe_net_ros
 
-PLUGINLIB_EXPORT_CLASS(fsoe_net_ros::CellSystem, hardware_interface::SystemInterface)
+#endif
