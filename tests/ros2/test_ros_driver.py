@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from live.on_the_wire import on_the_wire
-from master.rig import Client, running
+from master.rig import Client
 from ros2.package import COUNTS_PER_RAD, built
 from ros2.rig import System
 
@@ -117,30 +119,49 @@ def test_findings_are_reported_before_the_bus_opens(program: Path, tmp_path: Pat
     assert not (tmp_path / "s").exists()
 
 
+def answers(socket: Path) -> bool:
+    try:
+        Client(socket).close()
+    except OSError:
+        return False
+    return True
+
+
+@contextlib.contextmanager
+def master_of(urdf: Path, socket: Path) -> Iterator[Client]:
+    """Run fsn-master with the plan of a robot."""
+    plan = urdf.with_suffix(".fsnplan")
+    subprocess.run([TOOL, "plan", urdf, "-o", plan], check=True, capture_output=True)
+    command = [MASTER, plan, "--bus", "emulated", "--interface", "none0", "--socket", socket]
+    with subprocess.Popen(command, stderr=subprocess.DEVNULL) as master:
+        try:
+            while not answers(socket):
+                time.sleep(0.01)
+            with Client(socket) as client:
+                yield client
+        finally:
+            master.kill()
+
+
 def test_a_master_of_another_plan_is_left_alone(program: Path, tmp_path: Path) -> None:
-    with running(name="estop") as master, master.client() as client:
-        logged = fails(program, *words(robot(tmp_path), master.path))
-        assert "plan" in logged
+    """A plan that differs only in its cycle has the same names."""
+    urdf, socket = robot(tmp_path), tmp_path / "s"
+    with master_of(urdf, socket) as client:
+        faster = robot(tmp_path, ROBOT.replace(">100<", ">200<"))
+        assert f"the fsn-master at {socket} drives another plan" in fails(
+            program, *words(faster, socket)
+        )
         status = client.good("status")
         assert (status["state"], status.get("in_cycle", [])) == ("running", [])
 
 
 def test_a_running_master_of_the_same_plan_is_used(program: Path, tmp_path: Path) -> None:
     urdf, socket = robot(tmp_path), tmp_path / "s"
-    plan = tmp_path / "robot.fsnplan"
-    subprocess.run([TOOL, "plan", urdf, "-o", plan], check=True, capture_output=True)
-    command = [MASTER, plan, "--bus", "emulated", "--interface", "none0", "--socket", socket]
-    with subprocess.Popen(command, stderr=subprocess.DEVNULL) as master:
-        try:
-            while not socket.exists():
-                time.sleep(0.01)
-            given = words(urdf, socket, fsn_master="/nowhere/fsn-master")
-            with System(program, *given) as system:
-                system.goes("init", "configure", "activate", "cycle 3", "cleanup")
-            with Client(socket) as client:
-                assert client.good("status")["state"] == "running"
-        finally:
-            master.kill()
+    with master_of(urdf, socket) as client:
+        given = words(urdf, socket, fsn_master="/nowhere/fsn-master")
+        with System(program, *given) as system:
+            system.goes("init", "configure", "activate", "cycle 3", "cleanup")
+        assert client.good("status")["state"] == "running"
 
 
 def script(folder: Path, text: str) -> Path:
@@ -189,14 +210,6 @@ def test_an_unknown_interface_is_named(
     with System(program, *given) as system:
         system.goes("init", "configure")
         assert (tmp_path / "fsn-master-none0.sock").exists()
-
-
-def answers(socket: Path) -> bool:
-    try:
-        Client(socket).close()
-    except OSError:
-        return False
-    return True
 
 
 def test_its_master_ends_with_a_component_that_is_killed(program: Path, tmp_path: Path) -> None:

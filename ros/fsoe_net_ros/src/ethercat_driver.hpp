@@ -82,8 +82,11 @@ private:
         }
         const std::string path = socket_path();
         cell_->use(path, facts["sha256"].get<std::string>());
-        if (state_at(path).empty()) {
+        const auto status = status_of(path);
+        if (status.is_null()) {
             start_master(plan, path);
+        } else if (status.value("plan_sha256", "") != facts["sha256"]) {
+            throw Fault("the fsn-master at " + path + " drives another plan: end it, or set another `socket`");
         }
     }
 
@@ -159,13 +162,17 @@ private:
         return "/run" + name;
     }
 
-    /** State of the bus of an fsn-master; empty: none answers. */
-    static std::string state_at(const std::string &path) {
+    /** Status of an fsn-master; null: none answers. */
+    static nlohmann::json status_of(const std::string &path) {
         try {
-            return ControlSocket(path, -1).request("status").value("state", "unknown");
+            return ControlSocket(path, -1).request("status");
         } catch (const Fault &) {
-            return "";
+            return nullptr;
         }
+    }
+
+    static bool is_running(const nlohmann::json &status) {
+        return status.is_object() && status.value("state", "") == "running";
     }
 
     void start_master(const std::string &plan, const std::string &path) {
@@ -177,7 +184,7 @@ private:
         }
         master_.start(words);
         const auto until = std::chrono::steady_clock::now() + std::chrono::seconds(kStartS);
-        while (state_at(path) != "running") {
+        while (!is_running(status_of(path))) {
             if (!master_.is_running()) {
                 throw Fault("fsn-master has ended; its messages are above");
             }
