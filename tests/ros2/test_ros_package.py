@@ -124,6 +124,35 @@ def test_nothing_is_sent_before_a_cycle_was_read(
         system.sends(lambda: state() == "runs")
 
 
+def test_read_waits_for_each_cycle_of_the_bus(each: Path, robot: Master, reader: Client) -> None:
+    """On a busy machine some calls end without a cycle; without waiting most do."""
+
+    def passed(waits: str) -> int:
+        words = (f"socket={robot.path}", "misses=1000", f"wait_for_cycle={waits}", f"c:{LAMP}")
+        with System(each, *words) as system:
+            system.goes("init", "configure", "activate", "tight 5")
+            before = reader.good("status")["cycles"]
+            system.goes("tight 300")
+            return int(reader.good("status")["cycles"]) - before
+
+    assert passed("true") > 150 > min(passed("false") for _ in range(5))
+
+
+def test_read_waits_only_for_a_moment(program: Path) -> None:
+    """Other hardware of the controller manager continues when fsn-master is frozen."""
+    with master_running(name="el6910") as master:
+        words = (f"socket={master.path}", "wait_for_cycle=true", "lost_ms=1", f"s:{INPUT}")
+        with System(program, *words) as system:
+            system.goes("init", "configure", "activate", "tight 5")
+            os.kill(master.process.pid, signal.SIGSTOP)
+            try:
+                begun_s = time.monotonic()
+                system.ask("tight 100")
+                assert time.monotonic() - begun_s < REPLY_S
+            finally:
+                os.kill(master.process.pid, signal.SIGCONT)
+
+
 def test_an_initial_value_is_what_an_output_has_without_a_controller(
     program: Path, robot: Master, reader: Client
 ) -> None:

@@ -256,7 +256,8 @@ void Cell::read() {
     }
     take_fresh_link();
     fsn_realtime_cycle cycle{};
-    const fsn_status status = fsn_realtime_wait(writer_ != nullptr ? writer_ : link_->reader, 0, &cycle);
+    fsn_realtime *const realtime = writer_ != nullptr ? writer_ : link_->reader;
+    const fsn_status status = fsn_realtime_wait(realtime, longest_wait_ns(realtime), &cycle);
     const auto now = std::chrono::steady_clock::now();
     const auto most = std::chrono::milliseconds(options_.lost_ms);
     const bool has_cycle = status == FSN_OK;
@@ -281,6 +282,10 @@ void Cell::read() {
         fault_ = fault;
     }
     is_lost_ = fault != nullptr;
+}
+
+uint64_t Cell::longest_wait_ns(const fsn_realtime *realtime) const {
+    return options_.waits ? 2 * fsn_realtime_cycle_ns(realtime) : 0;
 }
 
 /** Sets a state. The state of a connection is polled separately, but is not current without cycles. */

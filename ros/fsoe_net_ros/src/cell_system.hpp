@@ -58,6 +58,7 @@ public:
             options.misses = number("misses", options.misses);
             options.lost_ms = number("lost_ms", options.lost_ms);
             options.start = parameter("start", "false") == "true";
+            options.waits = parameter("wait_for_cycle", "false") == "true";
             options.report = [](const std::string &text) { RCLCPP_WARN(logger(), "%s", text.c_str()); };
             cell_ = std::make_unique<Cell>(options);
             states_.clear();

@@ -3,7 +3,7 @@
 //   drive_system [class=NAME] [urdf=FILE] [PARAM=VALUE…] [s:COMPONENT/INTERFACE…] [c:COMPONENT/INTERFACE[=INITIAL]…]
 //                [p:COMPONENT/PARAM=VALUE…]
 //
-// Lines: init configure activate deactivate cleanup error · cycle N (read, write, 1 ms), write · start NAME…, stop NAME…
+// Lines: init configure activate deactivate cleanup error · cycle N (read, write, 1 ms), tight N (read, write), write · start NAME…, stop NAME…
 // (a controller claims or releases commands) · set COMPONENT/INTERFACE VALUE · get COMPONENT/INTERFACE. Each
 // line is answered by one. After an error or DEACTIVATE of read or write it calls the same function as the resource manager.
 #include <chrono>
@@ -98,7 +98,7 @@ const char *name_of(CallbackReturn result) {
                                              : (result == CallbackReturn::FAILURE ? "FAILURE" : "ERROR");
 }
 
-const char *cycles(hardware_interface::SystemInterface &system, int count) {
+const char *cycles(hardware_interface::SystemInterface &system, int count, int sleep_ms) {
     for (int i = 0; i < count; ++i) {
         if (system.read({}, {}) != return_type::OK) {
             system.on_error({});  // also for DEACTIVATE
@@ -113,7 +113,7 @@ const char *cycles(hardware_interface::SystemInterface &system, int count) {
             system.on_deactivate({});
             return "write DEACTIVATE";
         }
-        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+        std::this_thread::sleep_for(std::chrono::milliseconds(sleep_ms));
     }
     return "OK";
 }
@@ -147,10 +147,10 @@ int main(int count, char **words) {
             std::cout << (good ? "SUCCESS" : "ERROR") << std::endl;
         } else if (transitions.count(verb) != 0) {
             std::cout << name_of((system.get()->*transitions[verb])(state)) << std::endl;
-        } else if (verb == "cycle") {
+        } else if (verb == "cycle" || verb == "tight") {
             int number = 0;
             text >> number;
-            std::cout << cycles(*system, number) << std::endl;
+            std::cout << cycles(*system, number, verb == "cycle" ? 1 : 0) << std::endl;
         } else if (verb == "write") {
             std::cout << (system->write({}, {}) == return_type::OK ? "OK" : "write ERROR") << std::endl;
         } else if (verb == "get") {

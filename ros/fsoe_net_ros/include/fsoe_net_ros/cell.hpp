@@ -60,6 +60,7 @@ public:
         std::string plan_sha256;    ///< the plan that it must drive, in hexadecimal; empty: any
         unsigned misses = 10;       ///< cycles that may pass without new commands, see fsn/client.h
         bool start = false;         ///< configure() also starts a bus that is stopped
+        bool waits = false;         ///< read() waits for the next cycle, for at most two of them
         unsigned lost_ms = 100;     ///< without a cycle, or with SubDevices missing, until write() fails
         /** Called by the thread: why there is no connection, and when it is back. */
         std::function<void(const std::string &)> report = [](const std::string &) {};
@@ -125,7 +126,7 @@ public:
     /** Takes the outputs. @throws Fault  they are not free, or the bus has stopped. */
     void activate();
 
-    /** Takes the newest cycle. Without one for `lost_ms`, inputs are not a number. RT-safe but for the text
+    /** Takes the newest cycle, or waits for the next one. Without one for `lost_ms`, inputs are not a number. RT-safe but for the text
      *  of a fault. */
     void read();
 
@@ -176,6 +177,7 @@ private:
     void take_fresh_link();
     void show(double &number, const Link &link, std::size_t row, bool has_cycle, bool is_stalled) const;
     const char *find_fault(int status, bool is_stalled, bool is_incomplete) const;
+    uint64_t longest_wait_ns(const fsn_realtime *realtime) const;
     bool write_command(std::size_t row);
     void step_axes();
     void report_axis(const DrivenAxis &axis, AxisEvent event);
