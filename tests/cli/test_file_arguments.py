@@ -23,6 +23,7 @@ READERS = {
     ("init", "files"): "WRONG -o made --no-input",
     ("init", "answers_file"): f"{ESTOP} -o made --answers WRONG",
     ("convert", "files"): "WRONG -o made.yaml",
+    ("graph", "files"): "WRONG -o made.svg",
     ("plan", "files"): "WRONG -o made.fsnplan",
     ("diff", "a"): f"WRONG {ESTOP}",
     ("diff", "b"): f"{ESTOP} WRONG",

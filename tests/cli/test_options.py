@@ -205,6 +205,7 @@ def test_a_time_is_written_as_it_is_read():
 WRITERS = {
     "plan": f"{ESTOP} -o OUT.fsnplan",
     "convert": f"{ESTOP} -o OUT.yaml",
+    "graph": f"{ESTOP} -o OUT.svg",
     "report": f"{ESTOP} -o OUT.md",
     "campaign": f"{ESTOP} --faults loss --cycles 1 --jobs 1 -o OUT.txt",
     "decode": f"--lua {ESTOP} -o OUT.lua",

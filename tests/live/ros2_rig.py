@@ -409,7 +409,7 @@ def driver(urdf, program, scenario):
 
 
 FSOE_NET = Path(sys.executable).with_name("fsoe-net")
-CASES |= {"adapter": adapter, "axis": axis, "driver": driver, "reset": reset}
+CASES |= {"adapter": adapter, "axis": axis, "driver": driver, "objects": objects, "reset": reset}
 CASES |= {"cia402": cia402, "cia402_lost": cia402_lost, "cia402_modes": cia402_modes}
 
 if __name__ == "__main__":
