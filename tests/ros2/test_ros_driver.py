@@ -293,3 +293,17 @@ def test_a_drive_of_the_robot_is_an_axis(program: Path, tmp_path: Path) -> None:
     assert abs(joint + 1.3) < 0.01
     assert seen["ended"]
     assert "elbow/control_word: the plan has nothing for this interface" in seen["said"]
+
+
+def test_a_joint_of_two_drives_is_named_and_stays_off(program: Path, tmp_path: Path) -> None:
+    first = ARM[ARM.index("<ec_module") : ARM.index("</joint>")]
+    second = first.replace('"axis"', '"twin"').replace('"position">0', '"position">1')
+    urdf, socket = tmp_path / "arm.urdf", tmp_path / "s"
+    urdf.write_text(ARM.replace(first, first + second).format(folder=tmp_path), "utf-8")
+    (tmp_path / "drive.yaml").write_text(DRIVE, "utf-8")
+    with System(program, *words(urdf, socket)) as system:
+        system.goes("init", "configure", "activate", "start elbow/position", "cycle 20")
+        with Client(socket) as client:
+            assert client.value("axis.control_word") == 0
+            assert client.value("twin.control_word") == 0
+        assert "elbow: not an axis, because several drives have it: axis, twin" in system.end()

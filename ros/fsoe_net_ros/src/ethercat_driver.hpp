@@ -66,7 +66,7 @@ private:
         const std::string robot = description(*folder);
         const std::string plan = *folder / "robot.fsnplan", control = *folder / "control.urdf.xacro";
         warn(tool({"plan", robot, "-o", plan}).errors);
-        tool({"convert", robot, "-o", control, "--to", "ros2-control"});
+        warn(tool({"convert", robot, "-o", control, "--to", "ros2-control"}).errors);
         const auto facts =
             nlohmann::json::parse(tool({"plan", "--show", plan, "--format", "json"}).out, nullptr, false);
         if (!facts.is_object() || !facts.contains("sha256") || !facts["sha256"].is_string()) {
