@@ -222,7 +222,8 @@ def test_a_macro_that_is_not_called_is_named(tmp_path: Path):
     (found,) = load_urdf(path).diagnostics
     assert (found.code, found.span.line) == ("FSN125", 2)
     assert found.message == (
-        "the driver is in the macro <xacro:arm>, which this file defines and does not call"
+        "the driver is in the macro <xacro:arm>, which this file defines and does not call; "
+        "these parameters have no default: prefix"
     )
     path.write_text(MACRO.format(name="arm", inside='<link name="k"/>'), "utf-8")
     (found,) = load_urdf(path).diagnostics
