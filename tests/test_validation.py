@@ -63,10 +63,14 @@ def _page() -> str:
     shown = _shown()
     parts = [HEAD]
     for number, sentence in _requirements().items():
-        rows = []
+        rows, whole = [], []
         for file, tests in shown.get(number, {}).items():
             names = "; ".join(t.removeprefix("test_").replace("_", " ") for t in tests)
-            rows.append(f"- `{file}`{f': {names}' if names else ''}")
+            if names:
+                rows.append(f"- `{file}`: {names}")
+            else:
+                whole.append(f"`{file}`")
+        rows += [f"- {', '.join(whole)}"] if whole else []
         parts.append(f"\n## {number}\n\n{sentence}\n\n" + "\n".join(rows) + "\n")
     return "".join(parts)
 
