@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from fsoe_net.diag.diagnostic import Related, Span
 from fsoe_net.diag.guesses import guesses, near_misses, one_of
 from fsoe_net.model.robot import Controller, InterfaceUse, Robot
+from fsoe_net.model.robot_graph import served_components
 from fsoe_net.rules.context import Context, few
 
 
@@ -30,6 +31,7 @@ def check_controllers(ctx: Context) -> None:
 
 def _missing(ctx: Context, robot: Robot) -> None:
     offered = dict(_offered(robot))
+    provided = set(_provided(ctx))
     own = {c.name for c in robot.components}
     names = {c.name for c in robot.controllers}
     for controller in robot.controllers:
@@ -44,7 +46,8 @@ def _missing(ctx: Context, robot: Robot) -> None:
                 place = use.at("interface") if end in own else use.span
                 places.setdefault(place, []).append(use)
         for place, uses in places.items():
-            _not_offered(ctx, controller, place, uses, offered)
+            by_channel = (uses[0].is_command, uses[0].name) in provided
+            _not_offered(ctx, controller, place, uses, offered, by_channel=by_channel)
 
 
 def _offered(robot: Robot) -> Iterator[tuple[tuple[bool, str], Span]]:
@@ -53,12 +56,22 @@ def _offered(robot: Robot) -> Iterator[tuple[tuple[bool, str], Span]]:
             yield (is_command, f"{component.name}/{name}"), span
 
 
+def _provided(ctx: Context) -> Iterator[tuple[bool, str]]:
+    """Yield the interfaces that channels could serve, also where the description lacks them."""
+    for node in served_components(ctx.resolution.network.subdevices):
+        for is_command in (False, True):
+            for channel in node.channels(is_command=is_command):
+                yield is_command, f"{node.component.name}/{channel.name}"
+
+
 def _not_offered(
     ctx: Context,
     controller: Controller,
     place: Span,
     uses: Sequence[InterfaceUse],
     offered: Mapping[tuple[bool, str], Span],
+    *,
+    by_channel: bool,
 ) -> None:
     use = uses[0]
     end, _, interface = use.name.rpartition("/")
@@ -71,14 +84,17 @@ def _not_offered(
     # A joint without its prefix is meant for it; an interface with one more word is another one.
     close = near_misses(interface, known) if end in ends else guesses(end, known)
     side = "command" if use.is_command else "state"
+    hint = f"add the {side}_interface to the robot description, or correct the name here"
+    if by_channel:
+        hint = f"write the {side}_interface {interface} in the robot description: a channel has it"
+    elif close:
+        hint = f"write {one_of(close)}"
     ctx.add(
         "FSN477",
         place,
         f"controller {controller.name} needs {side} interfaces that the robot description does "
         f"not have: {few([u.name for u in uses])}; it cannot be activated",
-        hint=f"write {one_of(close)}"
-        if close
-        else f"add the {side}_interface to the robot description, or correct the name here",
+        hint=hint,
         related=tuple(
             Related(span=known[name], message=f"has {name}") for name in close or [*known][:3]
         ),

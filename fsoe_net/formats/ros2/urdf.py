@@ -68,12 +68,9 @@ def load_urdf(path: str | os.PathLike[str], options: LoadOptions | None = None) 
         root = _expanded(os.fspath(path), written, out, options or LoadOptions())
     if written is not None and root is not None:
         all_blocks = list(root.all("ros2_control"))
-        blocks = [e for e in all_blocks if _is_ethercat(e)]
+        blocks = _own_blocks(all_blocks, out)
         if not blocks:
             _without_driver(os.fspath(path), written, out)
-        _component_names(blocks, out)
-        _offered_twice(blocks, [b for b in all_blocks if not _is_ethercat(b)], out)
-        _modules_outside(blocks, out)
         joints = {e.attributes.get("name", ""): e for e in root.all("joint")}
         systems = _with_master_numbers([read_system(block, out, joints) for block in blocks])
     return UrdfResult(
@@ -88,6 +85,15 @@ def load_urdf(path: str | os.PathLike[str], options: LoadOptions | None = None) 
         diagnostics=tuple(out.diagnostics),
         sources=tuple(out.sources),
     )
+
+
+def _own_blocks(all_blocks: list[Element], out: Collector) -> list[Element]:
+    """Return the blocks of the EtherCAT driver, checked together with the others."""
+    blocks = [block for block in all_blocks if _is_ethercat(block)]
+    _component_names(blocks, out)
+    _offered_twice(blocks, [block for block in all_blocks if not _is_ethercat(block)], out)
+    _modules_outside(blocks, out)
+    return blocks
 
 
 def _written(path: str, out: Collector) -> Element | None:
