@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import fields, replace
+from pathlib import Path
 
 import pytest
+import yaml
 
 from fsoe_net.live.attachment import Attachment
 from fsoe_net.live.control_values import ClocksStatus
@@ -195,3 +197,15 @@ def test_an_fsn_master_that_is_gone_is_an_error(watched: Watched) -> None:
     assert found["bus"].level is ERROR
     assert found["bus"].message.startswith("fsn-master does not answer: ")
     assert found["connection c1"].level is STALE
+
+
+def test_the_aggregator_has_each_status_in_one_group(watched: Watched) -> None:
+    """`GenericAnalyzer` takes the statuses whose name begins with one of its texts."""
+    package = Path(__file__).parents[2] / "ros" / "fsoe_net_ros"
+    config = yaml.safe_load((package / "config" / "diagnostics.yaml").read_text("utf-8"))
+    groups = [g for g in config["analyzers"]["ros__parameters"].values() if isinstance(g, dict)]
+    names = {*watched.at(0.0), "joints", "control"}
+    assert len(names) > 4
+    for name in names:
+        fits = [g for g in groups if f"fsoe_net: {name}".startswith(tuple(g["startswith"]))]
+        assert len(fits) == 1, name
