@@ -59,7 +59,7 @@ def _cycle_of(network: NetworkConfig, sub: SubDevice) -> int | None:
 
 
 def _times(device: Device) -> Iterator[tuple[Sdo, float]]:
-    """Yield the start-up SDOs that tell a drive its cycle, with the unit of their value in ns."""
+    """Yield the start-up SDOs that state a cycle, with the unit of their value in ns."""
     values = {(sdo.index, sdo.subindex): sdo for sdo in device.sdos}
     for axis in range(len(drive_axes(device.layout))):
         index = _INTERPOLATION + axis * AXIS_STEP
@@ -82,7 +82,7 @@ def _another_time(ctx: Context, sub: SubDevice, sdo: Sdo, times_ns: tuple[float,
     ctx.add(
         "FSN488",
         sdo.at("value"),
-        f"{sub.name} is told a cycle of {stated} (0x{sdo.index:04x}:{sdo.subindex:02x}), the bus "
+        f"0x{sdo.index:04x}:{sdo.subindex:02x} of {sub.name} states a cycle of {stated}, the bus "
         f"cycle is {cycle}: the drive expects its targets at another rate",
         hint=f"write {value:.0f}"
         if value.is_integer()
