@@ -33,7 +33,9 @@ def converted(*parts: str, to: str = "network") -> tuple[dict[str, str], list[st
 
 def test_an_empty_interface_is_not_an_error():
     rows = found("null_interface.yaml")
-    assert [(code, level) for code, level, _ in rows] == [("FSN109", Severity.INFO)]
+    # Its factors 8348535 and 1.2e-07 differ by 0.18 %.
+    levels = [(code, level) for code, level, _ in rows]
+    assert levels == [("FSN109", Severity.INFO), ("FSN487", Severity.INFO)]
     assert "'mode_of_operation'" in rows[0][2]
     files, _ = converted("null_interface.yaml")
     text = "".join(files.values())
@@ -112,8 +114,10 @@ def test_one_subdevice_in_two_joints():
 
 
 def test_a_drive_plugin_without_the_mode_it_waits_for():
-    ((code, level, message),) = found("t2", "a.urdf")
-    assert (code, level) == ("FSN475", Severity.ERROR)
+    rows = found("t2", "a.urdf")
+    ((code, message),) = ((code, text) for code, level, text in rows if level is Severity.ERROR)
+    assert code == "FSN475"
+    assert {code for code, *_ in rows} == {"FSN475", "FSN485"}  # it maps no 0x6060 either
     assert "the target stays 0, and the axis runs to 0" in message
 
 
@@ -134,8 +138,10 @@ def test_an_interface_that_no_channel_provides_is_named_at_both_ends(
     name: str, interfaces: list[tuple[str, int, str, int, str]]
 ):
     checked = check_files([str(need("field", "t2", f"{name}.urdf"))])
-    rows = [d for d in checked.diagnostics if d.code not in PATHS]
-    assert {d.code for d in rows} == {"FSN476"}
+    # Of e.yaml: factors that differ by 0.13 %, and a 0x60C2 of 10 ms in a bus cycle of 1 ms.
+    known = {"FSN476"} | ({"FSN487", "FSN488"} if name == "e" else set())
+    assert {d.code for d in checked.diagnostics if d.code not in PATHS} == known
+    rows = [d for d in checked.diagnostics if d.code == "FSN476"]
     for found_one, (words, line, file, other, provided) in zip(rows, interfaces, strict=True):
         assert words in found_one.message
         assert found_one.span.line == line
