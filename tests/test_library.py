@@ -85,6 +85,8 @@ def test_the_text_of_an_exception_holds_the_first_finding(tmp_path):
     assert str(refused.value).startswith(refused.value.message)
     assert f": {folder}/a\\u001b[2Jb.yaml:17:15: FSN209: size 7 " in str(refused.value)
     assert refused.value.__notes__ == ["next step: write size: 6"]  # a traceback shows it as well
+    first, *_ = str(refused.value.diagnostics[0]).split("\n")
+    assert str(refused.value).endswith(first)
 
 
 @pytest.mark.parametrize("name", fsoe_net.__all__)
