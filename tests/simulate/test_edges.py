@@ -208,7 +208,7 @@ def test_targets_of_a_step_on_a_segment(action: Action, more: dict[str, Any], te
     names = ScenarioNames(
         safe_inputs={}, safe_outputs={}, inputs={}, outputs={}, subdevices=frozenset("a"),
         devices=frozenset(), connections=frozenset(), groups=frozenset(),
-        subs=frozenset(), axes=frozenset(), segment=True,
+        subs=frozenset(), axes=frozenset(), logics=frozenset(), segment=True,
     )  # fmt: skip
     found = check_step(ScenarioStep(span=HERE, at_ns=0, action=action, **more), names)
     assert "".join(d.message for d in found) == text
