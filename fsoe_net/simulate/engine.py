@@ -175,10 +175,10 @@ class Engine:
         """
         if not self._auto_pressed or self._auto_release_ns is not None:
             return False
-        longest = max(port.setup.main.watchdog_ms for port in self.network.mains.values())
-        return now_ns >= max(self.time_to_data_ns.values()) + 2_000_000 * longest and not any(
-            self.resets.values()
-        )
+        if any(self.resets.values()):
+            return False
+        longest_ms = max(port.setup.main.watchdog_ms for port in self.network.mains.values())
+        return now_ns >= max(self.time_to_data_ns.values()) + 2 * longest_ms * 1_000_000
 
     # -- after the devices have stepped -----------------------------------------------------------
 

@@ -26,9 +26,8 @@ from fsoe_net.formats.shared.files import Collector
 
 # Other keys or files say the rest: a path, two names of one thing, the order of two times, a day
 # that its month has, a step that is not done at the machine, the bits of another entry, keys of one
-# bus beside several, groups beside several buses.
+# bus beside several, groups beside several buses, an infinite factor.
 BETWEEN_KEYS = {"FSN133", "FSN164", "FSN165", "FSN228", "FSN161", "FSN422", "FSN487"}
-# (FSN487: a schema cannot refuse an infinite factor.)
 ORDER = [
     ("FSN113", "during_ms: the end is before the start"),
     *(("FSN113", f"{key} must rise") for key in ("limits_rev", "home_switch_rev")),

@@ -314,7 +314,7 @@ def test_an_axis_by_ros2_control(program: Path, tmp_path: Path) -> None:
         (["c:drive_1/effort", "p:drive_1/command_interface/effort=x.y"], "configure", "output x.y"),
         (["c:el2904/standard_1=on"], "init", "initial_value of el2904/standard_1 is not a number"),
         (["c:el6910/logic_control"], "activate", "logic_control"),
-        (["misses=x"], "init", "param `misses` of the hardware is no whole number: x"),
+        (["misses=x"], "init", "param `misses` of the hardware is not a whole number: x"),
         (["socket=/nowhere/s"], "configure", "no answer on /nowhere/s"),
         (["socket="], "init", "the hardware has no param `socket`"),
     ],

@@ -227,7 +227,7 @@ protected:
     static unsigned whole(const std::string &text, const std::string &place) {
         if (text.empty() || text.size() > 6 ||
             text.find_first_not_of("0123456789") != std::string::npos) {
-            throw Fault(place + " is no whole number: " + text);
+            throw Fault(place + " is not a whole number: " + text);
         }
         return static_cast<unsigned>(std::stoul(text));
     }

@@ -40,7 +40,7 @@ private:
 
     std::mutex mutex_;
     std::condition_variable changed_;
-    std::thread owner_;   // a program is told when the thread that started it ends
+    std::thread owner_;   // the end of the thread that started a program ends the program
     pid_t pid_ = -1;      // -1: none; 0: starts
     int error_ = 0;       // of the start
 };

@@ -85,7 +85,7 @@ public:
      *  @param[in] name  as ros2_control calls it; claim() and release() take it. */
     double *add_command(const std::string &name, double initial);
 
-    /** Binds states and commands anew: until bound they are without a value. */
+    /** Binds states and commands again: until then they have no value. */
     void unbind();
 
     /** Binds a state, if it was declared. Before configure().
