@@ -136,9 +136,9 @@ def test_people_learn_what_an_e_stop_and_a_pulled_subdevice_do(
         logic.get_by_text("outputs on").wait_for()
         page.get_by_text("All connections exchange data").wait_for()
         after(page, 0.1)
-        assert events.get_by_text("command: release reset").count() == 0
+        assert events.get_by_text("command: release el1918").count() == 0
         page.keyboard.up("Enter")
-        events.get_by_text("command: release reset").wait_for()
+        events.get_by_text("command: release el1918").wait_for()
         page.get_by_role("button", name="ek1914, terminal").press("Enter")
         panel = page.get_by_role("region", name="Details of ek1914")
         panel.get_by_role("button", name="Disconnect it").click()
