@@ -420,3 +420,11 @@ int open_files(void) {
     }
     return count;
 }
+
+const char *program_name(void) {
+    static char name[32];
+    FILE *file = fopen("/proc/self/comm", "re");
+    CHECK(file != NULL && fgets(name, sizeof name, file) != NULL && fclose(file) == 0);
+    name[strcspn(name, "\n")] = 0;
+    return name;
+}

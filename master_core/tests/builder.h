@@ -95,4 +95,8 @@ uint32_t next_random(uint64_t *state);
 /** Number of open descriptors of this process; a test closes all that it opens. */
 int open_files(void);
 
+/** Name of this program as the kernel shows it: that of an emulator of processors where one runs
+ * it. */
+const char *program_name(void);
+
 #endif

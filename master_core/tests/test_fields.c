@@ -21,6 +21,13 @@ static uint8_t *record(struct fsn_plan *plan, uint32_t section, uint32_t number)
     return plan->bytes + plan->offset[section] + number * fsn_record_bytes[section];
 }
 
+/** Writes a real number as a plan holds it. */
+static void put_real(uint8_t *at, double value) {
+    uint64_t bits;
+    memcpy(&bits, &value, sizeof bits);
+    fsn_put64(at, bits);
+}
+
 /* -- fields ---------------------------------------------------------------------------------- */
 
 /** Byte n of the second record of each section is n + 1, but for the first name: "t". */
@@ -86,8 +93,8 @@ static void fields_lie_where_the_format_says(void) {
     r = count_up(plan, FSN_SEC_SYMBOL, 1);
     const double factor = 1.25;
     const double offset = -3.5;
-    memcpy(r + 28, &factor, 8);
-    memcpy(r + 36, &offset, 8);
+    put_real(r + 28, factor);
+    put_real(r + 36, offset);
     r[15] = 1;
     CHECK(fsn_plan_symbol(plan, 1, &symbol) == FSN_OK && strcmp(symbol.name, "t") == 0);
     CHECK(symbol.sm == AT4(4) && symbol.bit_offset == AT4(8) && symbol.bits == AT2(12));

@@ -51,7 +51,8 @@ static pid_t start_holder(void) {
 
 static void check_holder(pid_t pid, const char *after) {
     char expected[128];
-    snprintf(expected, sizeof expected, "pid %d (test_holder), uid %d (", (int)pid, (int)getuid());
+    snprintf(expected, sizeof expected, "pid %d (%s), uid %d (", (int)pid, program_name(),
+             (int)getuid());
     const char *at = strstr(holder_text(shown_name, text), expected);
     CHECK(at != NULL);
     at = strstr(at, ") since 2");

@@ -22,7 +22,7 @@
 enum { ROOM_BYTES = 1 << 18 }; /**< enough for the e-stop pair */
 
 static struct fsn_plan *plan;
-static struct options options = {.interface = "test0", .cycle_ns = 1000000};
+static struct options options = {.interface = "test0", .cycle_ns = 20000000};
 static int listening = -1;  /**< of the predecessor; -1: none */
 static unsigned tries_left; /**< until it can be reached */
 static fsn_status unreachable = FSN_E_BUS_SILENT;

@@ -222,9 +222,8 @@ static void values_of_every_kind(void) {
     CHECK(fsn_realtime_output(client, "speed") == 0 && fsn_realtime_input(client, "speed") == 8);
     CHECK(fsn_realtime_cycle_ns(client) == 1000000);
     uint8_t in[MAIN_BYTES] = {0};
-    const float actual = -2.5f;
-    memcpy(in + 12, &actual, sizeof actual);
-    in[16] = 0xFE; /* -2 */
+    fsn_put32(in + 12, 0xC0200000u); /* -2.5 */
+    in[16] = 0xFE;                   /* -2 */
     in[17] = 0xFF;
     CHECK(fsn_emulated_write_inputs(rig.on.bus, 1, in, sizeof in) == FSN_OK);
     cycle();

@@ -208,11 +208,10 @@ static void every_field_has_its_rule(void) {
             }
             for (const char *width = fields_of[section]; *width != 0; width++) {
                 const size_t size = (size_t)(*width - '0');
-                uint64_t value = 0;
-                memcpy(&value, at, size);
+                const uint64_t value = fsn_read_bits(at, 0, (uint32_t)(8 * size));
                 char text[400];
                 snprintf(text, sizeof text, "%u.%u+%u:", section, record,
-                         (unsigned)(at - bytes - start - record * fsn_record_bytes[section]));
+                         (unsigned)(at - bytes) - start - record * fsn_record_bytes[section]);
                 const uint64_t values[] = {value - 1, value + 1, value - 8,
                                            value + 8, 0,         UINT64_MAX};
                 for (size_t i = 0; i < sizeof values / sizeof values[0]; i++) {

@@ -4,6 +4,7 @@
 
 #include "../fuzz/fuzz.h"
 #include "heap.h"
+#include "rt/bytes.h"
 #include "scan/scan.h"
 
 enum {
@@ -35,7 +36,7 @@ static void add_last_datagram(uint32_t address, const uint8_t *data, uint16_t si
     uint8_t *at = packet.bytes + packet.len;
     CHECK(packet.len + DATAGRAM_HEAD + size + 2 <= sizeof packet.bytes);
     at[0] = LRW;
-    memcpy(at + 2, &address, sizeof address);
+    fsn_put32(at + 2, address);
     at[6] = (uint8_t)size;
     at[7] = (uint8_t)(size >> 8);
     memcpy(at + DATAGRAM_HEAD, data, size);

@@ -2,6 +2,7 @@
  *  of devices whose SYNC0 cannot be used. */
 #include <string.h>
 
+#include "rt/bytes.h"
 #include "segment_rig.h"
 
 enum {
@@ -18,9 +19,7 @@ enum {
 };
 
 static uint64_t number(const struct rig *rig, unsigned size) {
-    uint64_t value = 0;
-    memcpy(&value, rig->data, size);
-    return value;
+    return fsn_read_bits(rig->data, 0, 8 * size);
 }
 
 static uint64_t read(struct rig *rig, uint16_t station, uint16_t address, uint16_t size) {
@@ -30,7 +29,9 @@ static uint64_t read(struct rig *rig, uint16_t station, uint16_t address, uint16
 
 static void put(struct rig *rig, uint16_t station, uint16_t address, uint64_t value,
                 uint16_t size) {
-    CHECK(datagram(rig, FPWR, station, address, &value, size) == 1);
+    uint8_t bytes[8];
+    fsn_put64(bytes, value);
+    CHECK(datagram(rig, FPWR, station, address, bytes, size) == 1);
 }
 
 /** Distributes the time of the first SubDevice, a frame each millisecond. */
@@ -106,8 +107,7 @@ static void a_clock_follows_the_reference(void) {
 static void the_reference_can_be_set(void) {
     struct rig rig = set_up_clocks();
     for (int i = 0; i < 800; i++) {
-        const uint32_t time = (uint32_t)(rig.now_ns + MS) + 12000; /* 7 us ahead of it */
-        CHECK(datagram(&rig, FPWR, 1001, DC_TIME, &time, 4) == 1);
+        put(&rig, 1001, DC_TIME, rig.now_ns + MS + 12000, 4); /* 7 us ahead of it */
     }
     const int64_t left = (int64_t)(read(&rig, 1001, DC_TIME, 8) - rig.now_ns - 12000);
     CHECK(left < 100 && left > -100);

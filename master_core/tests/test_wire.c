@@ -126,7 +126,7 @@ static void damaged_replies_are_foreign(void) {
         CHECK(rig->input.lost_frames == !is_free && rig->input.old_replies == is_old);
         CHECK(is_free ? inputs_are(rig, 0xA0, 0xA1) : inputs_are(rig, 0, 0));
     }
-    for (ssize_t length = 1; length < frame->len_bytes; length++) {
+    for (ssize_t length = 1; length < (ssize_t)frame->len_bytes; length++) {
         fsn_wire_send(&rig->frames.wire);
         rig->queued = 0;
         CHECK(hold(rig, 0));

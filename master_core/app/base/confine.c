@@ -34,7 +34,7 @@
 #ifdef UNCONFINED
 
 int confine_process(void) {
-    return 0; /* a sanitizer makes its own system calls */
+    return 0; /* a sanitizer makes its own system calls; other processors number them differently */
 }
 
 #else

@@ -230,7 +230,8 @@ static bool take_outputs(struct fsn_realtime *realtime, int fd) {
 
 static int connect_to(const struct fsn_realtime_options *options) {
     const uint32_t ms = options->timeout_ms != 0 ? options->timeout_ms : DEFAULT_TIMEOUT_MS;
-    const struct timeval wait = {.tv_sec = ms / 1000, .tv_usec = ms % 1000 * 1000};
+    const struct timeval wait = {.tv_sec = (time_t)(ms / 1000),
+                                 .tv_usec = (suseconds_t)(ms % 1000 * 1000)};
     struct sockaddr_un address = {.sun_family = AF_UNIX};
     if (strlen(options->socket) >= sizeof address.sun_path) {
         errno = ENAMETOOLONG;

@@ -333,7 +333,7 @@ void fsn_core_clients_end(struct fsn_core *core) {
     }
     if (inputs != NULL) {
         atomic_store(&inputs->open, 0);
-        munmap(inputs, inputs->size_bytes);
+        munmap(inputs, (size_t)inputs->size_bytes);
         close(core->inputs_fd);
     }
 }

@@ -41,8 +41,9 @@ struct fsn_window fsn_window_take(const struct fsn_core *core, uint64_t from_ns)
     const uint64_t last = fsn_core_last_cycle(core);
     const uint64_t most = MOST_BYTES / (sizeof *w.cycles + w.image_bytes);
     const uint64_t first = first_cycle(core, last, from_ns, most);
-    w.cycles = calloc(last - first + 1, sizeof *w.cycles);
-    w.images = calloc(last - first + 1, w.image_bytes);
+    const size_t count = (size_t)(last - first + 1);
+    w.cycles = calloc(count, sizeof *w.cycles);
+    w.images = calloc(count, w.image_bytes);
     for (uint64_t c = first; w.cycles != NULL && w.images != NULL && c <= last; c++) {
         /* A cycle that was overwritten in the meantime is omitted: its number is then missing. */
         if (fsn_core_record(core, c, &w.cycles[w.count], NULL,
