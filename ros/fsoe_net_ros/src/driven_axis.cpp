@@ -7,7 +7,6 @@ namespace fsoe_net_ros {
 
 namespace {
 
-constexpr double kNothing = std::numeric_limits<double>::quiet_NaN();
 constexpr unsigned kAxisStep = 0x800;
 // CiA 402 (IEC 61800-7-201): objects of axis 0.
 constexpr unsigned kControlword = 0x6040;

@@ -12,6 +12,8 @@
 
 namespace fsoe_net_ros {
 
+constexpr double kNothing = std::numeric_limits<double>::quiet_NaN();  // no value, no command
+
 /** What a step has found. */
 enum class AxisEvent { kNothing, kStopped, kCannotEnable, kRefused };
 

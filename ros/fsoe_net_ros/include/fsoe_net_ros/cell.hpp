@@ -19,10 +19,8 @@
 #include <deque>
 #include <functional>
 #include <memory>
-#include <mutex>
 #include <stdexcept>
 #include <string>
-#include <thread>
 #include <vector>
 
 struct fsn_realtime;
@@ -152,7 +150,8 @@ public:
     const std::string &fault() const { return fault_; }
 
 private:
-    struct Link;
+    class Link;
+    class Follower;
     struct State {
         std::string name, symbol_name;
         double number;
@@ -168,9 +167,6 @@ private:
         bool claimed, sent;   // a controller has it; a position was sent
     };
 
-    void start_bus();
-    std::shared_ptr<Link> connect();
-    fsn_realtime *open(bool with_outputs) const;
     std::vector<std::string> output_names() const;
     AxisCommand find_axis(const Command &command, const struct fsn_realtime_symbol &symbol) const;
     void open_axes();
@@ -182,9 +178,6 @@ private:
     void step_axes();
     void report_axis(const DrivenAxis &axis, AxisEvent event);
     bool holds_position(std::size_t row) const;
-    void follow(std::shared_ptr<Link> link);
-    void follow_connections(Link &link);
-    bool is_woken(int wait_ms) const;
     bool refuse(const std::string &text);
 
     Options options_;
@@ -192,14 +185,11 @@ private:
     std::deque<Command> commands_;
     std::vector<std::unique_ptr<DrivenAxis>> axes_;
     std::shared_ptr<Link> link_;       // from configure() on
-    std::mutex mutex_;                 // of the next; read() never waits for it
-    std::shared_ptr<Link> fresh_;      // the next connection, or the former: the thread frees it
     fsn_realtime *writer_ = nullptr;   // from activate() on: has the outputs
     bool seen_ = false;                // the writer has the inputs of a cycle
     bool is_fresh_ = false;            // no write() has answered it yet
     uint64_t cycle_ns_ = 0;            // its start
-    std::thread follower_;
-    int wake_;                         // eventfd: ends what the follower waits for
+    std::unique_ptr<Follower> follower_;
     std::chrono::steady_clock::time_point last_cycle_, last_complete_;
     bool is_lost_ = false;
     std::string fault_, notice_;
