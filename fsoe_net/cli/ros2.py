@@ -111,6 +111,7 @@ def command(
     """Publish the bus of a running fsn-master to ROS 2. No ROS installation is needed.
 
     Topics with standard messages: /diagnostics for connections, SubDevices and the cycle;
+    /fsoe_net/hardware_status for SubDevices, as hardware of ros2_control publishes it;
     /joint_states for axes whose position has a factor, unless another node publishes it; a topic
     for each input and output. Only with --allow-control can nodes change the bus, and then every
     node of the domain: DDS has no user accounts.

@@ -16,12 +16,14 @@ from fsoe_net.live.client import Client
 from fsoe_net.live.control_values import Value, Values
 from fsoe_net.ros2.control import NodeControl, settable
 from fsoe_net.ros2.diagnostics import RosStatus, joint_status, ros_statuses
+from fsoe_net.ros2.hardware import hardware_status
 from fsoe_net.ros2.messages import (
     SIGNALS,
     DiagnosticArray,
     DiagnosticStatus,
     GetSdoRequest,
     GetSdoResponse,
+    Header,
     JointState,
     KeyValue,
     ParameterResult,
@@ -160,13 +162,15 @@ class Bridge:
         if self.control is not None:
             waiting = self._node.offer_services()
             found.append(self.control.status(self._node.unreadable, self._node.unanswered, waiting))
-        self._node.publish("/diagnostics", self._array(found, view))
+        now = header()
+        hardware = self._path if view.status is None else view.status.interface or self._path
+        self._node.publish("/diagnostics", self._array(found, now, hardware))
+        self._node.publish(f"{self._prefix}/hardware_status", hardware_status(view, now, hardware))
         return view
 
-    def _array(self, found: Iterable[RosStatus], view: BusView) -> DiagnosticArray:
-        hardware = self._path if view.status is None else view.status.interface or self._path
+    def _array(self, found: Iterable[RosStatus], now: Header, hardware: str) -> DiagnosticArray:
         return DiagnosticArray(
-            header=header(),
+            header=now,
             status=[
                 DiagnosticStatus(
                     level=int(row.level),

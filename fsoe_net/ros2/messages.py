@@ -5,9 +5,7 @@ place of the message definition, so the bytes are the same as those of ROS itsel
 evaluated by ``cyclonedds``, which does not accept strings.
 """
 
-import dataclasses
 from dataclasses import dataclass, field
-from typing import Annotated, get_args, get_origin, get_type_hints
 
 from cyclonedds.idl import IdlStruct, types
 
@@ -66,6 +64,74 @@ class JointState(IdlStruct, typename="sensor_msgs::msg::dds_::JointState_"):
     position: types.sequence[types.float64]
     velocity: types.sequence[types.float64]
     effort: types.sequence[types.float64]
+
+
+@dataclass
+class GenericHardwareState(IdlStruct, typename="control_msgs::msg::dds_::GenericHardwareState_"):
+    """State of any device; 0 in a field is unknown."""
+
+    health_status: types.uint8 = 0
+    error_domain: types.sequence[types.uint8] = field(default_factory=list)
+    operational_mode: types.uint8 = 0
+    power_state: types.uint8 = 0
+    connectivity_status: types.uint8 = 0
+    manufacturer: str = ""
+    model: str = ""
+    firmware_version: str = ""
+    state_details: types.sequence[KeyValue] = field(default_factory=list)
+
+
+@dataclass
+class _CanOpenState(IdlStruct, typename="control_msgs::msg::dds_::CANopenState_"):
+    node_id: types.uint8
+    nmt_state: types.uint8
+    dsp_402_state: types.uint8
+    last_emcy_code: types.uint32
+
+
+@dataclass
+class EtherCatState(IdlStruct, typename="control_msgs::msg::dds_::EtherCATState_"):
+    """AL state of a SubDevice, and its identity as text."""
+
+    slave_position: types.uint16
+    vendor_id: str
+    product_code: str
+    al_state: types.uint8
+    has_error: bool
+    al_status_code: types.uint16
+
+
+@dataclass
+class _Vda5050State(IdlStruct, typename="control_msgs::msg::dds_::VDA5050State_"):
+    order_id: str
+    action_status: str
+    last_node_id: types.uint32
+    driving: bool
+    battery_charge: types.float64
+    operating_mode: str
+    error_type: str
+    error_description: str
+
+
+@dataclass
+class HardwareDeviceStatus(IdlStruct, typename="control_msgs::msg::dds_::HardwareDeviceStatus_"):
+    """State of one device by the standards that it implements."""
+
+    header: Header
+    device_id: str
+    hardware_status: types.sequence[GenericHardwareState]
+    canopen_states: types.sequence[_CanOpenState] = field(default_factory=list)
+    ethercat_states: types.sequence[EtherCatState] = field(default_factory=list)
+    vda5050_states: types.sequence[_Vda5050State] = field(default_factory=list)
+
+
+@dataclass
+class HardwareStatus(IdlStruct, typename="control_msgs::msg::dds_::HardwareStatus_"):
+    """State of the devices of a bus, as control_msgs 6.5 to 6.8 define it."""
+
+    header: Header
+    hardware_id: str
+    hardware_device_states: types.sequence[HardwareDeviceStatus]
 
 
 @dataclass
@@ -223,6 +289,7 @@ class SetSdoResponse(IdlStruct, typename="ethercat_msgs::srv::dds_::SetSdo_Respo
 # Of the message definitions, calculated by REP 2016 ("RIHS01"): endpoints announce them.
 HASHES: dict[type[IdlStruct], str] = {
     DiagnosticArray: "5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e",
+    HardwareStatus: "d4d081efebdea6d8863855733ea95c58338ac4ffdb501a9524da4cbbad9927a2",
     JointState: "a13ee3a330e346c9d87b5aa18d24e11690752bd33a0350f11c5882bc9179260e",
     _Bool: "feb91e995ff9ebd09c0cb3d2aed18b11077585839fb5db80193b62d74528f6c9",
     _Int64: "8cd1048c2f186b6bd9a92472dc1ce51723c0833a221e2b7aecfff111774f4b49",
@@ -237,44 +304,3 @@ HASHES: dict[type[IdlStruct], str] = {
     SetSdoRequest: "52167612d7877b9f48ca4e24dee1c0cfef8e62dc3020a16d8bc61794ea92a7a5",
     SetSdoResponse: "cf0086e5419c5b63defcf82b6750dab98c560acf004d3ec1c2f4fa212f617270",
 }
-
-
-def ros_name(message: type[IdlStruct]) -> str:
-    """Return the name of a type in ROS: ``std_msgs/msg/Bool``."""
-    name = str(message.__idl_typename__)
-    return name.replace("::dds_", "").replace("::", "/").removesuffix("_")
-
-
-def definition(message: type[IdlStruct]) -> str:
-    """Return the definition of a message including nested ones, as in a recording."""
-    parts: dict[str, str] = {}
-    _define(message, parts)
-    first, *others = parts
-    short = {name: name.replace("/msg/", "/") for name in others}
-    return parts[first] + "".join(f"{'=' * 80}\nMSG: {short[n]}\n{parts[n]}" for n in others)
-
-
-def _define(message: type[IdlStruct], parts: dict[str, str]) -> None:
-    name = ros_name(message)
-    parts[name] = ""
-    hints = get_type_hints(message, include_extras=True)
-    lines = []
-    for each in dataclasses.fields(message):
-        kind, inner = _field(hints[each.name])
-        if inner is not None:
-            _define(inner, parts)
-        lines.append(f"{kind} {each.name}\n")
-    parts[name] = "".join(lines)
-
-
-def _field(hint: object) -> tuple[str, type[IdlStruct] | None]:
-    """Return the word of a type in a definition, and the message type in it, if any."""
-    if get_origin(hint) is Annotated:
-        said = get_args(hint)[1]
-        if isinstance(said, types.sequence):
-            word, inner = _field(said.subtype)
-            return f"{word}[]", inner
-        return str(said), None
-    if isinstance(hint, type) and issubclass(hint, IdlStruct):
-        return ros_name(hint).replace("/msg/", "/"), hint
-    return {str: "string", bool: "bool"}[hint], None  # type: ignore[index]

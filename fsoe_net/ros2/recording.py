@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from cyclonedds.idl import IdlStruct
+import dataclasses
+from typing import Annotated, get_args, get_origin, get_type_hints
+
+from cyclonedds.idl import IdlStruct, types
 from mcap.writer import CompressionType, Writer
 
 from fsoe_net.errors import EnvironmentFault
-from fsoe_net.ros2.messages import HASHES, definition, ros_name
+from fsoe_net.ros2.messages import HASHES
 
 _CHUNK = 1 << 16  # maximum loss if this process is killed, bytes
 
@@ -91,3 +94,44 @@ class McapFile:
                 self._writer.finish()
         except OSError as exc:
             raise EnvironmentFault(f"{self.path}: {exc.strerror}") from exc
+
+
+def ros_name(message: type[IdlStruct]) -> str:
+    """Return the name of a type in ROS: ``std_msgs/msg/Bool``."""
+    name = str(message.__idl_typename__)
+    return name.replace("::dds_", "").replace("::", "/").removesuffix("_")
+
+
+def definition(message: type[IdlStruct]) -> str:
+    """Return the definition of a message including nested ones, as in a recording."""
+    parts: dict[str, str] = {}
+    _define(message, parts)
+    first, *others = parts
+    short = {name: name.replace("/msg/", "/") for name in others}
+    return parts[first] + "".join(f"{'=' * 80}\nMSG: {short[n]}\n{parts[n]}" for n in others)
+
+
+def _define(message: type[IdlStruct], parts: dict[str, str]) -> None:
+    name = ros_name(message)
+    parts[name] = ""
+    hints = get_type_hints(message, include_extras=True)
+    lines = []
+    for each in dataclasses.fields(message):
+        kind, inner = _field(hints[each.name])
+        if inner is not None:
+            _define(inner, parts)
+        lines.append(f"{kind} {each.name}\n")
+    parts[name] = "".join(lines)
+
+
+def _field(hint: object) -> tuple[str, type[IdlStruct] | None]:
+    """Return the word of a type in a definition, and the message type in it, if any."""
+    if get_origin(hint) is Annotated:
+        said = get_args(hint)[1]
+        if isinstance(said, types.sequence):
+            word, inner = _field(said.subtype)
+            return f"{word}[]", inner
+        return str(said), None
+    if isinstance(hint, type) and issubclass(hint, IdlStruct):
+        return ros_name(hint).replace("/msg/", "/"), hint
+    return {str: "string", bool: "bool"}[hint], None  # type: ignore[index]

@@ -16,6 +16,7 @@ from fsoe_net.live.client import Client
 from fsoe_net.live.master import find_master
 from fsoe_net.ros2 import messages
 
+HARDWARE = "control_msgs::msg::dds_::HardwareStatus_"
 ARRAY = "diagnostic_msgs::msg::dds_::DiagnosticArray_"
 
 
@@ -54,6 +55,43 @@ def reset(network, _other):
         for _, rows in found:
             if all(row.level <= 1 for row in rows.values()):
                 break
+    running.end(signal.SIGINT)
+    emulator.end()
+    return seen
+
+
+def hardware(network, _other):
+    """What another vendor's DDS reads as HardwareStatus: in operation, and with a cut cable."""
+    store = typestore()
+    emulator = Emulator(network)
+    running = Running(network)
+    with (
+        bridged(running.socket) as domain,
+        Peer("listen", domain, "rt/cell/hardware_status", HARDWARE, 100_000) as peer,
+    ):
+
+        def rows():
+            for payload in peer.payloads():
+                status = store.deserialize_cdr(payload, "control_msgs/msg/HardwareStatus")
+                yield {device.device_id: facts(device) for device in status.hardware_device_states}
+
+        def facts(device):
+            (state,), (ethercat,) = device.hardware_status, device.ethercat_states
+            details = {row.key: row.value for row in state.state_details}
+            return {
+                "identity": [ethercat.vendor_id, ethercat.product_code],
+                "al": [ethercat.al_state, ethercat.has_error, ethercat.al_status_code],
+                "connectivity": state.connectivity_status,
+                "health": state.health_status,
+                "fsoe": details["FSoE el1918-ek1914"],
+            }
+
+        found = rows()
+        seen = {"running": next(row for row in found if row["ek1914"]["fsoe"].startswith("data_"))}
+        emulator.do("cut ek1914")
+        seen["cut"] = next(row for row in found if row["el1918"]["connectivity"] == 2)
+        states = (row["ek1914"]["fsoe"] for row in found)
+        seen["ended"] = next(state for state in states if not state.startswith("data_"))
     running.end(signal.SIGINT)
     emulator.end()
     return seen
@@ -411,6 +449,7 @@ def driver(urdf, program, scenario):
 FSOE_NET = Path(sys.executable).with_name("fsoe-net")
 CASES |= {"adapter": adapter, "axis": axis, "driver": driver, "objects": objects, "reset": reset}
 CASES |= {"cia402": cia402, "cia402_lost": cia402_lost, "cia402_modes": cia402_modes}
+CASES |= {"hardware": hardware}
 
 if __name__ == "__main__":
     main()

@@ -59,10 +59,30 @@ _SERVICES = {
     ),
 }
 
+# Of control_msgs 6.8.0, without constants.
+_CONTROL_MSGS = {
+    "GenericHardwareState": "uint8 health_status\nuint8[] error_domain\nuint8 operational_mode\n"
+    "uint8 power_state\nuint8 connectivity_status\nstring manufacturer\nstring model\n"
+    "string firmware_version\ndiagnostic_msgs/KeyValue[] state_details\n",
+    "CANopenState": "uint8 node_id\nuint8 nmt_state\nuint8 dsp_402_state\nuint32 last_emcy_code\n",
+    "EtherCATState": "uint16 slave_position\nstring vendor_id\nstring product_code\n"
+    "uint8 al_state\nbool has_error\nuint16 al_status_code\n",
+    "VDA5050State": "string order_id\nstring action_status\nuint32 last_node_id\nbool driving\n"
+    "float64 battery_charge\nstring operating_mode\nstring error_type\n"
+    "string error_description\n",
+    "HardwareDeviceStatus": "std_msgs/Header header\nstring device_id\n"
+    "GenericHardwareState[] hardware_status\nCANopenState[] canopen_states\n"
+    "EtherCATState[] ethercat_states\nVDA5050State[] vda5050_states\n",
+    "HardwareStatus": "std_msgs/Header header\nstring hardware_id\n"
+    "HardwareDeviceStatus[] hardware_device_states\n",
+}
+
 
 def typestore() -> Any:
-    """Return the types of ROS 2 Jazzy as `rosbags` knows them, and those of services."""
+    """Return the types of ROS 2 Jazzy as `rosbags` has them, of services and of control_msgs."""
     store = get_typestore(Stores.ROS2_JAZZY)
+    for name, text in _CONTROL_MSGS.items():
+        store.register(get_types_from_msg(text, f"control_msgs/msg/{name}"))
     for service, texts in _SERVICES.items():
         for part, text in zip(("Request", "Response"), texts, strict=True):
             found = get_types_from_msg(text, f"{service}_{part}")

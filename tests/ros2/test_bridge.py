@@ -31,12 +31,14 @@ from fsoe_net.errors import EnvironmentFault
 from fsoe_net.ros2 import control, messages, node, objects
 from fsoe_net.ros2.messages import HASHES, SIGNALS, DiagnosticArray, TriggerRequest
 from fsoe_net.ros2.values import SignalKind
+from fsoe_net.testing import fake_master
 from fsoe_net.testing.fake_master import FakeMaster
 
 STORE = typestore()
 ARRAY = "diagnostic_msgs::msg::dds_::DiagnosticArray_"
 JOINTS = "sensor_msgs::msg::dds_::JointState_"
 BOOL = "std_msgs::msg::dds_::Bool_"
+HARDWARE = "control_msgs::msg::dds_::HardwareStatus_"
 LAMP = "el2904.standard_1"
 LAMP_TOPIC = "rt/cell/outputs/el2904/standard_1"
 DRIVE = 4  # position of drive_1
@@ -91,6 +93,65 @@ def test_another_vendor_reads_an_error_at_most_two_pictures_after_a_reset() -> N
         # One may have been on its way, and one made of what was read before.
         assert after[2].level == 2
         assert after[2].message == "Reset; not in Data"
+
+
+def devices(peer: Peer) -> Iterator[Any]:
+    """Yield the devices of each hardware status as another program decodes them."""
+    for payload in peer.payloads():
+        status = STORE.deserialize_cdr(payload, "control_msgs/msg/HardwareStatus")
+        yield status.hardware_device_states
+
+
+@pytest.mark.parametrize(
+    ("change", "health", "connectivity", "al"),
+    [
+        ({}, 1, 1, (8, False, 0)),
+        ({"al": "SAFEOP+ERROR", "al_code": 0x1B}, 4, 1, (4, True, 0x1B)),
+        ({"al": "BOOT", "al_code": None}, 4, 1, (3, False, 0)),
+        ({"al": "none", "found": 9}, 1, 2, (0, False, 0)),
+        ({"detail": "port 1 is open"}, 3, 1, (8, False, 0)),
+        ({"known": False}, 0, 0, (0, False, 0)),
+    ],
+)
+def test_hardware_status_has_the_constants_of_control_msgs(
+    monkeypatch: pytest.MonkeyPatch,
+    change: dict[str, object],
+    health: int,
+    connectivity: int,
+    al: tuple[int, bool, int],
+) -> None:
+    for key, value in change.items():
+        monkeypatch.setitem(fake_master.SUBDEVICE, key, value)
+    with (
+        FakeMaster() as master,
+        bridged(master.path) as domain,
+        Peer("listen", domain, "rt/cell/hardware_status", HARDWARE, 1) as peer,
+    ):
+        ((device,),) = devices(peer)
+    (state,), (ethercat,) = device.hardware_status, device.ethercat_states
+    assert (device.device_id, ethercat.slave_position) == ("drive_1", 0)
+    identity = (ethercat.vendor_id, ethercat.product_code)
+    assert identity == (("0x00000002", "0x00000003") if change.get("known", True) else ("", ""))
+    assert (state.health_status, state.connectivity_status) == (health, connectivity)
+    assert (ethercat.al_state, ethercat.has_error, ethercat.al_status_code) == al
+    assert (list(state.error_domain), state.operational_mode, state.power_state) == ([], 0, 0)
+
+
+def test_hardware_status_of_a_stopped_bus_is_unknown() -> None:
+    with (
+        FakeMaster() as master,
+        bridged(master.path) as domain,
+        Peer("listen", domain, "rt/cell/hardware_status", HARDWARE, 1000) as peer,
+    ):
+        found = devices(peer)
+        next(found)
+        master.state = "stopped"
+        while (device := next(found)[0]).hardware_status[0].health_status != 0:
+            pass
+    (state,), (ethercat,) = device.hardware_status, device.ethercat_states
+    assert (ethercat.al_state, state.connectivity_status) == (0, 0)
+    details = {row.key: row.value for row in state.state_details}
+    assert details["FSoE c1"] == "unknown"
 
 
 def test_an_offer_has_the_name_hash_and_qos_of_an_rmw() -> None:

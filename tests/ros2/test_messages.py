@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from ros2.rig import typestore
 
 from fsoe_net.ros2 import messages
-from fsoe_net.ros2.messages import HASHES, definition, ros_name
+from fsoe_net.ros2.messages import HASHES
+from fsoe_net.ros2.recording import definition, ros_name
 
 STORE = typestore()
 PUBLISHED = [m for m in HASHES if "/msg/" in ros_name(m)]
@@ -32,11 +33,34 @@ SIGNALS = {
     "UInt64": st.integers(0, 2**64 - 1),
     "Float64": st.floats(width=64),
 }
+BYTES, WORDS = st.integers(0, 255), st.integers(0, 65535)
+DEVICES = st.builds(
+    messages.HardwareDeviceStatus,
+    STAMPS,
+    TEXTS,
+    st.lists(
+        st.builds(
+            messages.GenericHardwareState,
+            *(BYTES, st.lists(BYTES, max_size=3), BYTES, BYTES, BYTES, TEXTS, TEXTS, TEXTS),
+            st.lists(VALUES, max_size=3),
+        ),
+        max_size=2,
+    ),
+    ethercat_states=st.lists(
+        st.builds(messages.EtherCatState, WORDS, TEXTS, TEXTS, BYTES, st.booleans(), WORDS),
+        max_size=2,
+    ),
+)
 DRAWN = st.one_of(
+    st.builds(messages.HardwareStatus, STAMPS, TEXTS, st.lists(DEVICES, max_size=3)),
     st.builds(messages.DiagnosticArray, STAMPS, st.lists(STATUSES, max_size=4)),
     st.builds(messages.JointState, STAMPS, st.lists(TEXTS, max_size=4), FLOATS, FLOATS, FLOATS),
     *(st.builds(m, SIGNALS[kind.value]) for kind, m in messages.SIGNALS.items()),
 )
+
+ARRAYS_OF_FIELDS = dict.fromkeys(("position", "velocity", "effort"), "float64") | {
+    "error_domain": "uint8"
+}
 
 
 def foreign(message: Any) -> Any:
@@ -48,11 +72,10 @@ def foreign(message: Any) -> Any:
     kind = STORE.types[ros_name(type(message))]
     names = [f.name for f in dataclasses.fields(message)]
     found = {name: foreign(getattr(message, name)) for name in names}
-    if kind.__name__.startswith("sensor_msgs"):
-        import numpy
+    import numpy
 
-        for name in ("position", "velocity", "effort"):
-            found[name] = numpy.array(found[name], dtype=numpy.float64)
+    for name in found.keys() & ARRAYS_OF_FIELDS.keys():
+        found[name] = numpy.array(found[name], dtype=ARRAYS_OF_FIELDS[name])
     return kind(**found)
 
 
