@@ -213,6 +213,7 @@ FSN487 warning factor is 0, or command and state are not scaled inversely
 FSN488 warning cycle time of a drive that differs from the bus cycle
 FSN489 warning start-up SDO contradicts the PDOs of the same file
 FSN490 warning limits of a joint that its command cannot express
+FSN491 error   several drives of one joint for fsoe_net_ros
 FSN501 error   SubDevice is missing on the bus
 FSN502 warning SubDevice on the bus that is not in the network
 FSN503 error   SubDevices on the bus are in another order

@@ -195,7 +195,8 @@ class RobotComponent:
     ``kind`` is ``joint``, ``gpio`` or ``sensor``; ``states`` and ``commands`` are the names of its
     interfaces in the order of the description, ``places`` are their places in the file, the states
     first. ``limits`` are the lowest and highest position of a joint in rad or m, if stated;
-    ``max_velocity`` and ``max_effort`` its other limits, 0 if not stated.
+    ``max_velocity`` and ``max_effort`` its other limits, 0 if not stated. ``joint_type``: as in
+    the URDF, such as ``prismatic``.
     """
 
     kind: str
@@ -205,6 +206,7 @@ class RobotComponent:
     limits: tuple[float, float] | None = field(default=None, compare=False)
     max_velocity: float = field(default=0.0, compare=False)
     max_effort: float = field(default=0.0, compare=False)
+    joint_type: str = field(default="", compare=False)
     places: tuple[Span, ...] = field(default=(), compare=False)
 
     def __str__(self) -> str:
@@ -226,7 +228,8 @@ class SubDevice(Located):
     it, and rules skip its content. ``revision`` is ``None`` if any is accepted. ``components`` are
     the joints, gpios and sensors of a URDF that use it. ``origin`` is the section of its
     declaration: ``network``, ``joint``, ``gpio``, ``sensor``, ``transfer_modules`` or
-    ``safety_modules``. ``master_id``: number of the EtherCAT master, or of the bus if the network
+    ``safety_modules``. ``system`` and ``hardware``: name and plugin of its ``ros2_control`` block.
+    ``master_id``: number of the EtherCAT master, or of the bus if the network
     file has several.
     """
 
@@ -240,6 +243,7 @@ class SubDevice(Located):
     origin: str = "network"
     components: tuple[RobotComponent, ...] = ()
     system: str = ""
+    hardware: str = field(default="", compare=False)
     master_id: int = 0
 
     @property

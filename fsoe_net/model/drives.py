@@ -6,6 +6,7 @@ numbered from 0 without gaps.
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -18,6 +19,8 @@ CIA402_PLUGIN = "ethercat_generic_plugins/EcCiA402Drive"
 """Plugin of ethercat_driver_ros2 that runs the state machine of axis 0 itself."""
 GENERIC_PLUGINS = ("ethercat_generic_plugins/GenericEcSlave", CIA402_PLUGIN)
 """Plugins that connect interfaces by the names in a slave YAML."""
+ROS_PACKAGE_DRIVER = "fsoe_net_ros/EthercatDriver"
+"""Hardware plugin of this project that reads a description for ethercat_driver_ros2."""
 CONTROLWORD = 0x6040
 MODE_OF_OPERATION = 0x6060
 TARGET_POSITION = 0x607A
@@ -64,6 +67,12 @@ def drive_axes(layout: DeviceLayout) -> tuple[DriveAxis, ...]:
             break  # 0x7040 alone is an output of a terminal (ETG.5001)
         axes.append(DriveAxis(number=number, outputs=_of(outputs, base), inputs=_of(inputs, base)))
     return tuple(axes)
+
+
+def switches_states(plugin: str | None, driver: str) -> bool:
+    """Return whether a drive is enabled by its plugin; ``driver``: keys of its slave YAML."""
+    switches = json.loads(driver) if driver else {}
+    return plugin == CIA402_PLUGIN and bool(switches.get("auto_state_transitions", True))
 
 
 def is_controlword(index: int) -> bool:

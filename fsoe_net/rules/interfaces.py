@@ -1,4 +1,4 @@
-"""FSN476, FSN481, FSN482: interfaces of a robot description against channels of the bus."""
+"""FSN476, FSN481, FSN482, FSN491: interfaces of a robot description against channels of the bus."""
 
 from __future__ import annotations
 
@@ -7,7 +7,13 @@ from collections.abc import Iterator, Sequence
 from fsoe_net.diag.diagnostic import Related, Severity, Span
 from fsoe_net.diag.guesses import near_misses, one_of
 from fsoe_net.model.bus import SubDevice
-from fsoe_net.model.drives import CIA402_PLUGIN, GENERIC_PLUGINS, PLUGIN_OUTPUTS
+from fsoe_net.model.drives import (
+    CIA402_PLUGIN,
+    GENERIC_PLUGINS,
+    PLUGIN_OUTPUTS,
+    ROS_PACKAGE_DRIVER,
+    switches_states,
+)
 from fsoe_net.model.robot_graph import (
     RobotChannel,
     ServedComponent,
@@ -29,6 +35,7 @@ def check_interfaces(ctx: Context) -> None:
     subdevices = ctx.resolution.network.subdevices
     meant: set[tuple[str, str]] = set()
     for node in served_components(subdevices):
+        _driven_twice(ctx, node)
         # Only if all SubDevices of a component use generic plugins: others add their own names.
         if all(_is_generic(sub) for sub in node.subdevices):
             for is_command in (False, True):
@@ -115,6 +122,25 @@ def _bound_twice(ctx: Context, node: ServedComponent, *, is_command: bool) -> No
             + ("; fine for drives that move the joint together" if together else ""),
             related=(Related(span=bound[0].span, message="the first channel"),),
         )
+
+
+def _driven_twice(ctx: Context, node: ServedComponent) -> None:
+    """FSN491: several drives of a joint, which `ROS_PACKAGE_DRIVER` does not enable."""
+    drives = [s for s in node.subdevices if s.hardware == ROS_PACKAGE_DRIVER and _is_driven(s)]
+    if node.component.kind != "joint" or len(drives) < 2:
+        return
+    ctx.add(
+        "FSN491",
+        drives[1].span,
+        f"{node} has the drives {few([s.name for s in drives])}: {ROS_PACKAGE_DRIVER} drives one "
+        "for each joint, and enables none of these",
+        hint="give each drive a joint of its own",
+        related=(Related(span=drives[0].span, message="the first drive"),),
+    )
+
+
+def _is_driven(sub: SubDevice) -> bool:
+    return sub.device is not None and switches_states(sub.plugin, sub.device.driver)
 
 
 def _unbound(ctx: Context, sub: SubDevice, meant: set[tuple[str, str]]) -> None:

@@ -188,6 +188,53 @@ def test_a_joint_of_the_cia402_plugin_is_an_axis(
     assert params(root, "second") == {"axis": "second", "mode_of_operation": "8"}
 
 
+@pytest.mark.parametrize(
+    ("kind", "limit", "expected"),
+    [
+        ("revolute", 'lower="-1.5" upper="2" velocity="2.5" effort="30"', ("-1.5", "2.0")),
+        ("prismatic", 'upper="0.5" velocity="2.5"', ("0.0", "0.5")),
+        ("continuous", 'velocity="2.5"', None),
+    ],
+)
+def test_limits_of_the_urdf_are_those_of_commands(
+    kind: str, limit: str, expected: tuple[str, str] | None, tmp_path: Path
+) -> None:
+    """`min` and `max` of ros2_control; the command of a position needs a factor."""
+    joint = f'<joint name="shoulder" type="{kind}"><limit {limit}/></joint></robot>'
+    drive = DRIVE.replace("default: .nan", "default: .nan, factor: 1000")
+    drive = drive.replace(
+        "0x60ff, sub_index: 0, type: int32, default: 0",
+        "0x60ff, sub_index: 0, type: int32, factor: 10",
+    )
+    root = arm(tmp_path, ROBOT.replace("</robot>", joint), drive)
+
+    def limits(command: str) -> tuple[str | None, ...] | None:
+        row = root.find(
+            f".//ros2_control/joint[@name='shoulder']/command_interface[@name='{command}']"
+        )
+        assert row is not None
+        rows = {p.get("name"): p.text for p in row}
+        return (rows["min"], rows["max"]) if rows else None
+
+    assert limits("position") == expected
+    assert limits("velocity") == ("-2.5", "2.5")
+    (written,) = root.findall("./joint[@name='shoulder']")
+    assert written.get("type") == kind
+    tag = written.find("limit")
+    assert tag is not None
+    assert (tag.get("velocity"), tag.get("lower"), tag.get("upper")) == (
+        "2.5",
+        *(expected or (None, None)),
+    )
+    (other,) = root.findall("./joint[@name='second']")
+    assert (other.get("type"), other.find("limit")) == ("continuous", None)
+
+
+def test_increments_of_a_drive_have_no_limits_in_radians(tmp_path: Path) -> None:
+    root = arm(tmp_path, ROBOT.replace("</robot>", LIMIT.format('velocity="2.5" effort="30"')))
+    assert root.findall(".//command_interface/param[@name='max']") == []
+
+
 def test_switches_of_the_plugin_are_kept(tmp_path: Path) -> None:
     root = arm(tmp_path, drive=DRIVE + "auto_fault_reset: true\n")
     assert params(root, "second")["auto_fault_reset"] == "true"
@@ -225,12 +272,12 @@ SPEED = "p:axis_1/max_velocity=1"
 @pytest.mark.parametrize(
     ("words", "line", "text"),
     [
-        (["c:axis_1/position"], "activate", "axis_1 has no `max_velocity`"),
-        (["p:axis_1/mode_of_operation=10"], "activate", "axis_1 has no `max_effort`"),
-        (["c:axis_1/control_word"], "configure", "the axis axis_1 writes its controlword"),
+        (["c:axis_1/position"], "configure", "axis_1 has no `max_velocity`: add <limit velocity="),
+        (["p:axis_1/mode_of_operation=10"], "configure", "axis_1 has no `max_effort`: add <limit"),
+        ([SPEED, "c:axis_1/control_word"], "configure", "the axis axis_1 writes its controlword"),
         ([SPEED, "p:axis_1/axis=el6910"], "activate", "0x6040 is not mapped as an output"),
         ([SPEED, "p:axis_1/axis_number=8"], "activate", "a device has axes 0 to 7"),
-        (["p:axis_1/mode_of_operation=2"], "activate", "its mode is none of PP, PV"),
+        ([SPEED, "p:axis_1/mode_of_operation=2"], "activate", "its mode is none of PP, PV"),
         (["p:axis_1/max_velocity=fast"], "init", "param `max_velocity` of axis_1 is not a number"),
     ],
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -295,15 +296,27 @@ def test_a_drive_of_the_robot_is_an_axis(program: Path, tmp_path: Path) -> None:
     assert "elbow/control_word: the plan has nothing for this interface" in seen["said"]
 
 
-def test_a_joint_of_two_drives_is_named_and_stays_off(program: Path, tmp_path: Path) -> None:
+def test_a_joint_of_two_drives_is_rejected_before_the_bus_opens(
+    program: Path, tmp_path: Path
+) -> None:
     first = ARM[ARM.index("<ec_module") : ARM.index("</joint>")]
     second = first.replace('"axis"', '"twin"').replace('"position">0', '"position">1')
     urdf, socket = tmp_path / "arm.urdf", tmp_path / "s"
     urdf.write_text(ARM.replace(first, first + second).format(folder=tmp_path), "utf-8")
     (tmp_path / "drive.yaml").write_text(DRIVE, "utf-8")
-    with System(program, *words(urdf, socket)) as system:
-        system.goes("init", "configure", "activate", "start elbow/position", "cycle 20")
-        with Client(socket) as client:
-            assert client.value("axis.control_word") == 0
-            assert client.value("twin.control_word") == 0
-        assert "elbow: not an axis, because several drives have it: axis, twin" in system.end()
+    logged = fails(program, *words(urdf, socket))
+    # The driver passes the description on, so the file is a copy.
+    assert re.search(r"robot\.urdf:10:\d+: error\[FSN491\]: joint elbow has .* axis, twin", logged)
+    assert not socket.exists()
+
+
+def test_an_axis_without_a_velocity_is_named_before_the_bus_opens(
+    program: Path, tmp_path: Path
+) -> None:
+    urdf, socket = tmp_path / "arm.urdf", tmp_path / "s"
+    urdf.write_text(ARM.replace('velocity="0.5" ', "").format(folder=tmp_path), "utf-8")
+    (tmp_path / "drive.yaml").write_text(DRIVE, "utf-8")
+    logged = fails(program, *words(urdf, socket))
+    assert "elbow has no `max_velocity`: add <limit velocity=…> to its joint in the URDF" in logged
+    assert "ros2 control set_hardware_component_state" in logged
+    assert not socket.exists()

@@ -243,6 +243,30 @@ def test_two_drives_can_move_one_joint(kind: str, tmp_path: Path):
     assert [(d.level, d.span.line) for d in rows] == [(PAIRS[kind], 11)]
 
 
+OWN_HARDWARE = ("ethercat_driver/EthercatDriver", "fsoe_net_ros/EthercatDriver")
+
+
+@pytest.mark.parametrize(
+    ("hardware", "more", "kind", "expected"),
+    [
+        (OWN_HARDWARE[1], "", "joint", [(8, Severity.ERROR)]),
+        (OWN_HARDWARE[0], "", "joint", []),  # it gives both drives each command
+        (OWN_HARDWARE[1], "auto_state_transitions: false\n", "joint", []),
+        (OWN_HARDWARE[1], "", "gpio", []),
+    ],
+)
+def test_the_package_for_ros2_control_drives_one_drive_of_a_joint(
+    hardware: str, more: str, kind: str, expected: list[object], tmp_path: Path
+):
+    drives = module("axis.yaml", plugin=DRIVE) + module("axis.yaml", 1, plugin=DRIVE)
+    (tmp_path / "axis.yaml").write_text(FILES["axis.yaml"] + more, "utf-8")
+    text = ROBOT.format(components=component(drives, states="position", kind=kind))
+    robot = tmp_path / "own.urdf"
+    robot.write_text(text.replace(OWN_HARDWARE[0], hardware), "utf-8")
+    rows = [d for d in check_files([str(robot)]).diagnostics if d.code == "FSN491"]
+    assert [(d.span.line, d.level) for d in rows] == expected
+
+
 BOUND_ONCE = {
     "nothing requests it": component(module("alike.yaml")),
     "one channel of each side": component(

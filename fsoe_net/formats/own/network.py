@@ -396,6 +396,7 @@ class _Assembly:
             origin=decl.components[0].kind,
             components=decl.components,
             system=system.name,
+            hardware=system.plugin or "",
             master_id=system.master_id,
         )
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from fsoe_net.model.bus import RobotComponent
 from fsoe_net.model.description import DescribedSubDevice
-from fsoe_net.model.drives import CIA402_PLUGIN, CONTROLWORD, MODE_OF_OPERATION
+from fsoe_net.model.drives import CONTROLWORD, MODE_OF_OPERATION, switches_states
 from fsoe_net.model.symbols import DeviceSymbol
 
 AXIS_REQUESTS = ("reset_fault", "home")
@@ -40,14 +40,35 @@ def driven_axes(
         name: Its name in the plan.
         symbols: Symbols of one of its components.
     """
-    switches = json.loads(sub.device.driver) if sub.device.driver else {}
-    by_itself = sub.plugin == CIA402_PLUGIN and switches.get("auto_state_transitions", True)
-    if not by_itself or not any(is_output_of(s, CONTROLWORD) for s in symbols):
+    has_controlword = any(is_output_of(s, CONTROLWORD) for s in symbols)
+    if not switches_states(sub.plugin, sub.device.driver) or not has_controlword:
         return []
+    switches = json.loads(sub.device.driver) if sub.device.driver else {}
     modes = [s.entry.default for s in symbols if is_output_of(s, MODE_OF_OPERATION)]
     mode = next((m for m in modes if m is not None and math.isfinite(m)), None)
     resets = bool(switches.get("auto_fault_reset", False))
     return [ControlAxis(subdevice=name, mode=mode, resets_faults=resets)]
+
+
+def interface_limits(joint: RobotComponent) -> dict[str, tuple[float, float]]:
+    """Return the lowest and highest command of a joint by interface, as its URDF states them."""
+    sides = {"velocity": joint.max_velocity, "effort": joint.max_effort}
+    found = {name: (-most, most) for name, most in sides.items() if most}
+    return found if joint.limits is None else found | {"position": joint.limits}
+
+
+def urdf_limit(joint: RobotComponent | None) -> tuple[str, str]:
+    """Return type and limit tag of a joint; it is continuous if its positions have no limit.
+
+    The tag is empty without a limit. URDF requires velocity and effort in it, 0 if not stated.
+    """
+    if joint is None or not interface_limits(joint):
+        return "continuous", ""
+    rows = {"velocity": joint.max_velocity, "effort": joint.max_effort}
+    if joint.limits is not None:
+        rows |= dict(zip(("lower", "upper"), joint.limits, strict=True))
+    tag = "".join(f' {name}="{value!r}"' for name, value in rows.items())
+    return "continuous" if joint.limits is None else joint.joint_type, f"<limit{tag}/>"
 
 
 def axis_params(axis: ControlAxis, joint: RobotComponent | None) -> Iterator[tuple[str, str]]:

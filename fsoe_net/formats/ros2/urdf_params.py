@@ -15,12 +15,11 @@ from fsoe_net.diag.diagnostic import Diagnostic, Related, Severity, Span
 from fsoe_net.diag.guesses import guesses, one_of
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.xml_tree import Element
-from fsoe_net.model.drives import CIA402_PLUGIN
+from fsoe_net.model.drives import CIA402_PLUGIN, ROS_PACKAGE_DRIVER
 
 DRIVER_PLUGIN = "ethercat_driver/EthercatDriver"
 IGH_MASTER = "ethercat_master/EtherlabMaster"  # also if there is no master_plugin
 MOCK_MASTER = "ethercat_master/MockMaster"
-_OWN_PLUGIN = "fsoe_net_ros/EthercatDriver"  # reads the same description
 _PROTOTYPE_PLUGIN = "ethercat_driver/EthercatSafetyDriver"
 _PACKAGES = ("ethercat_generic_plugins/", "ethercat_plugins/")
 _VENDOR_PLUGINS = """
@@ -75,7 +74,7 @@ def known_plugin_findings(plugin: str, span: Span) -> list[Diagnostic]:
 
 def driver_plugin_findings(plugin: str, span: Span, out: Collector) -> None:
     """Add FSN122 or FSN121 if the plugin of a ``ros2_control`` block is not the current driver."""
-    if plugin in (DRIVER_PLUGIN, _OWN_PLUGIN):
+    if plugin in (DRIVER_PLUGIN, ROS_PACKAGE_DRIVER):
         return
     if plugin == _PROTOTYPE_PLUGIN:
         out.add(

@@ -272,6 +272,7 @@ def robot_component(element: Element, joints: Mapping[str, Element]) -> RobotCom
         commands=tuple(row.attributes.get("name", "") for row in commands),
         max_velocity=_limit(limit, "velocity"),
         max_effort=_limit(limit, "effort"),
+        joint_type=joint.attributes.get("type", "") if joint is not None else "",
         places=tuple(row.span for row in (*states, *commands)),
     )
 

@@ -18,7 +18,9 @@ from fsoe_net.formats.ros2.control_axis import (
     ControlAxis,
     axis_params,
     driven_axes,
+    interface_limits,
     is_output_of,
+    urdf_limit,
 )
 from fsoe_net.formats.shared.writers import Written, unique_names
 from fsoe_net.model.bus import RobotComponent
@@ -101,7 +103,7 @@ def write_control(description: Description, *, file: str = "ros2_control.urdf.xa
             known.interfaces += _without_taken(made.interfaces, known.interfaces)
     for component in components.values():
         notes += _notes(component)
-    joints = [c.name for c in components.values() if c.kind == "joint"]
+    joints = [c for c in components.values() if c.kind == "joint"]
     lines = [
         '<?xml version="1.0"?>',
         "<!-- For fsoe_net_ros: inputs and outputs for controllers, without safety data. -->",
@@ -129,13 +131,15 @@ def write_control(description: Description, *, file: str = "ros2_control.urdf.xa
     return Written(files={file: "\n".join(lines) + "\n"}, notes=tuple(notes))
 
 
-def _links(joints: Sequence[str]) -> Iterator[str]:
+def _links(joints: Sequence[_Component]) -> Iterator[str]:
     """Yield the joints and links that a URDF requires; your own description replaces them."""
     yield '  <link name="world"/>'
-    for name in joints:
-        yield f"  <link name={_attribute(name + '_link')}/>"
-        yield f'  <joint name={_attribute(name)} type="continuous">'
-        yield f'    <parent link="world"/><child link={_attribute(name + "_link")}/>'
+    for joint in joints:
+        link = _attribute(f"{joint.name}_link")
+        kind, limit = urdf_limit(joint.stated)
+        yield f"  <link name={link}/>"
+        yield f'  <joint name={_attribute(joint.name)} type="{kind}">'
+        yield f'    <parent link="world"/><child link={link}/>{limit}'
         yield "  </joint>"
 
 
@@ -156,14 +160,21 @@ def _component_lines(component: _Component) -> Iterator[str]:
     for row in component.interfaces:
         side = "command_interface" if row.is_command else "state_interface"
         tag = f"{side} name={_attribute(row.name)}"
-        if row.initial:
-            initial = f'<param name="initial_value">{row.initial:g}</param>'
-            yield f"      <{tag}>{initial}</{side}>"
-        else:
-            yield f"      <{tag}/>"
+        params = "".join(_interface_params(component, row))
+        yield f"      <{tag}>{params}</{side}>" if params else f"      <{tag}/>"
     for name in component.requests:
         yield f'      <command_interface name="{name}"/>'
     yield f"    </{component.kind}>"
+
+
+def _interface_params(component: _Component, row: _Interface) -> Iterator[str]:
+    if row.initial:
+        yield f'<param name="initial_value">{row.initial:g}</param>'
+    # A limit in rad or m does not apply to increments.
+    if component.stated is not None and row.is_command and row.scaled:
+        limits = interface_limits(component.stated).get(row.name, ())
+        for name, value in zip(("min", "max"), limits, strict=False):
+            yield f'<param name="{name}">{value!r}</param>'
 
 
 def _plain(text: str) -> str:

@@ -43,9 +43,16 @@ void Cell::release(const std::string &name) {
 
 void Cell::configure() {
     cleanup();
+    check_axes();
     link_ = follower_->start();
     last_cycle_ = last_complete_ = std::chrono::steady_clock::now();
     is_lost_ = false;
+}
+
+void Cell::check_axes() const {
+    for (const auto &axis : axes_) {
+        axis->check();
+    }
 }
 
 void Cell::activate() {

@@ -59,13 +59,16 @@ uint32_t DrivenAxis::limit(AxisRole role, double most) const {
         std::min(std::ceil(raw), static_cast<double>(std::numeric_limits<int32_t>::max())));
 }
 
-void DrivenAxis::open(const fsn_realtime *writer, double write_s) {
+void DrivenAxis::check() const {
     if (needs_velocity(options_.mode) && options_.max_velocity <= 0) {
         throw Fault(name() + " has no `max_velocity`: add <limit velocity=…> to its joint in the URDF, or the param");
     }
     if (options_.mode == FSN_AXIS_CST && options_.max_effort <= 0) {
         throw Fault(name() + " has no `max_effort`: add <limit effort=…> to its joint in the URDF, or the param");
     }
+}
+
+void DrivenAxis::open(const fsn_realtime *writer, double write_s) {
     find_scales(writer);
     fsn_axis_options options{};
     options.subdevice = options_.subdevice.c_str();

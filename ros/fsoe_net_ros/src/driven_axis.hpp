@@ -29,10 +29,13 @@ public:
     /** The command that an output of this axis takes; none: the axis alone writes it. */
     std::optional<AxisRole> role_of(const struct fsn_realtime_symbol &symbol) const;
 
+    /** @throws Fault  its mode needs a limit that it does not have. */
+    void check() const;
+
     /** Finds the objects in a client that owns their outputs; the axis is off.
      *  @param[in] write_s  longest time between two writes: a position may change by as much as
      *                      `max_velocity` permits in it.
-     *  @throws Fault  an object or a limit is missing. */
+     *  @throws Fault  an object is missing. */
     void open(const fsn_realtime *writer, double write_s);
 
     /** A controller has claimed a command: a target, or homing, asks for operation. RT-safe. */

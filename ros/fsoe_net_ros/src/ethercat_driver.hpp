@@ -80,6 +80,7 @@ private:
         for (const std::string &name : cell_->unbound()) {
             warn(name + ": the plan has nothing for this interface; it has no value and no effect");
         }
+        cell_->check_axes();
         const std::string path = socket_path();
         cell_->use(path, facts["sha256"].get<std::string>());
         const auto status = status_of(path);

@@ -116,9 +116,12 @@ public:
     /** No controller commands this any more: what is written into it does not count. RT-safe. */
     void release(const std::string &name);
 
+    /** @throws Fault  the mode of an axis needs a limit that it does not have. */
+    void check_axes() const;
+
     /** Connects, and finds every state and command. Waits for a reply, and for a bus that it starts, for
      *  at most a second each.
-     *  @throws Fault  nobody answers, the bus does not run, or a name is not there. */
+     *  @throws Fault  nobody answers, the bus does not run, a name is not there, or check_axes(). */
     void configure();
 
     /** Takes the outputs. @throws Fault  they are not free, or the bus has stopped. */
