@@ -2,75 +2,24 @@
 
 from __future__ import annotations
 
-import os
 import re
-import shlex
 import shutil
 import signal
-import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
-from master.rig import killed_at_the_end, program, when_it_listens
 from patience import PATIENCE_S
 from ros2.caller import Caller
 from ros2.found import Found
+from ros2.page import Session, page_commands
 from ros2.rig import own_domain
-from tied import tied
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "reference" / "ether-ros.md").read_text("utf-8")
-COMMANDS = [
-    line.removeprefix("$ ")
-    for block in re.findall(r"^```console\n(.*?)^```", PAGE, re.M | re.S)
-    for line in block.splitlines()
-]
+COMMANDS = page_commands(PAGE)
 NAMES = set(re.findall(r"/fsoe_net/[a-z0-9_/]+", PAGE))
-
-
-class Session:
-    """What a shell in a folder does with the commands of the page."""
-
-    def __init__(self, folder: Path, domain: int, stack: ExitStack) -> None:
-        self.folder, self._stack = folder, stack
-        programs = str(Path(sys.executable).parent)
-        self._env = os.environ | {
-            "PATH": f"{Path(program()).parent}:{programs}:{os.environ['PATH']}",
-            "ROS_DOMAIN_ID": str(domain),
-        }
-        self.beside: dict[str, subprocess.Popen[str]] = {}
-
-    def run(self, line: str) -> str:
-        words = shlex.split(line.removesuffix(" &"))
-        if line.endswith(" &"):
-            self._begin(words)
-            return ""
-        done = subprocess.run(
-            words, cwd=self.folder, env=self._env, capture_output=True, text=True,
-            check=False, timeout=PATIENCE_S,
-        )  # fmt: skip
-        assert done.returncode == 0, (line, done.stdout, done.stderr)
-        return done.stdout
-
-    def _begin(self, words: list[str]) -> None:
-        """Start a program of the page, and wait until it serves."""
-        process = subprocess.Popen(
-            tied(*words), cwd=self.folder, env=self._env, stdout=subprocess.PIPE, text=True
-        )
-        self.beside[words[0]] = self._stack.enter_context(killed_at_the_end(process))
-        if words[0] == "fsn-master":
-            here = Path.cwd()
-            os.chdir(self.folder)  # the path of a socket must be short
-            try:
-                when_it_listens(Path("legs.sock"), process).close()
-            finally:
-                os.chdir(here)
-        else:
-            assert process.stdout is not None
-            assert process.stdout.readline().startswith("domain ")
 
 
 @pytest.fixture(scope="module")
