@@ -437,6 +437,34 @@ def test_a_whole_description_is_taken(program: Path, robot: Master, tmp_path: Pa
         system.goes("init", "configure", "activate", "cycle 20", "deactivate", "cleanup")
 
 
+def test_the_package_passes_its_own_tests_and_linters(program: Path) -> None:
+    """As `colcon test` runs them, with the programs of ament that Debian has."""
+    done = subprocess.run(
+        ["ctest", "--output-on-failure"], cwd=program.with_name("build"),
+        capture_output=True, text=True, check=False, timeout=PATIENCE_S,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout
+    passed = set(re.findall(r"Test +#\d+: (\w+) \.+ +Passed", done.stdout))
+    assert passed == {"cpplint", "flake8", "lint_cmake", "pep257", "test_cell", "xmllint"}
+
+
+def test_inputs_are_newer_when_read_waits_for_the_cycle(program: Path, robot: Master) -> None:
+    """A clock that is not that of the bus meets each age up to the period of the bus."""
+
+    def ages(way: str, period_us: int = 700) -> list[float]:
+        words = [robot.path, "el6910.logic_state", way, str(period_us), "300"]
+        done = subprocess.run(
+            [program.with_name("build") / "measure_age", *words],
+            capture_output=True, text=True, check=False, timeout=PATIENCE_S,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        return [float(word) for word in done.stdout.split()]
+
+    # A machine that stands still makes every age large; then it is measured again.
+    runs = ((ages("wait"), ages("poll")) for _ in range(10))
+    assert any(0 < waiting[0] < polled[0] < 1000 for waiting, polled in runs)
+
+
 def test_ament_installs_the_package(program: Path) -> None:
     out = program.with_name("out")
     assert (out / "lib" / "libfsoe_net_ros.so").is_file()

@@ -4,8 +4,8 @@
 //
 // read() is never an error: ros2_control treats every value of it but OK as one, and states would end with
 // the commands. A fault is the answer of the write() that follows, which ends the commands alone.
-#ifndef FSOE_NET_ROS_CELL_SYSTEM_HPP
-#define FSOE_NET_ROS_CELL_SYSTEM_HPP
+#ifndef CELL_SYSTEM_HPP_
+#define CELL_SYSTEM_HPP_
 
 #include <cmath>
 #include <hardware_interface/hardware_info.hpp>
@@ -377,4 +377,4 @@ private:
 
 }  // namespace fsoe_net_ros
 
-#endif
+#endif  // CELL_SYSTEM_HPP_

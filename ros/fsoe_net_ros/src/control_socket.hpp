@@ -1,6 +1,6 @@
 /** The control socket of fsn-master (docs/reference/control-protocol.md): one line, one reply. */
-#ifndef FSOE_NET_ROS_CONTROL_SOCKET_HPP
-#define FSOE_NET_ROS_CONTROL_SOCKET_HPP
+#ifndef CONTROL_SOCKET_HPP_
+#define CONTROL_SOCKET_HPP_
 
 #include <nlohmann/json.hpp>
 #include <string>
@@ -31,4 +31,4 @@ private:
 
 }  // namespace fsoe_net_ros
 
-#endif
+#endif  // CONTROL_SOCKET_HPP_

@@ -1,12 +1,14 @@
 /** An axis of a cell: the state machine of <fsn/axis.h>, driven by commands of controllers. */
-#ifndef FSOE_NET_ROS_DRIVEN_AXIS_HPP
-#define FSOE_NET_ROS_DRIVEN_AXIS_HPP
+#ifndef DRIVEN_AXIS_HPP_
+#define DRIVEN_AXIS_HPP_
 
 #include <array>
 #include <fsn/axis.h>
 #include <fsn/client.h>
 #include <limits>
 #include <optional>
+#include <string>
+#include <utility>
 
 #include "fsoe_net_ros/cell.hpp"
 
@@ -83,4 +85,4 @@ private:
 
 }  // namespace fsoe_net_ros
 
-#endif
+#endif  // DRIVEN_AXIS_HPP_

@@ -1,12 +1,15 @@
 // The robot description of ethercat_driver_ros2 on fsn-master: only the plugin of the hardware differs.
 // `fsoe-net` checks it, compiles the plan, and finds the name of each interface in it.
-#ifndef FSOE_NET_ROS_ETHERCAT_DRIVER_HPP
-#define FSOE_NET_ROS_ETHERCAT_DRIVER_HPP
+#ifndef ETHERCAT_DRIVER_HPP_
+#define ETHERCAT_DRIVER_HPP_
 
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <hardware_interface/component_parser.hpp>
+#include <memory>
+#include <string>
+#include <vector>
 
 #include "cell_system.hpp"
 #include "control_socket.hpp"
@@ -116,7 +119,7 @@ private:
     template <class Info> static auto original_of(const Info &info, int) -> decltype(info.original_xml) {
         return info.original_xml;
     }
-    template <class Info> static std::string original_of(const Info &, long) { return ""; }
+    template <class Info> static std::string original_of(const Info &, double) { return ""; }
 
     static std::string text_of(const std::string &path) {
         std::ifstream file(path);
@@ -202,4 +205,4 @@ private:
 
 }  // namespace fsoe_net_ros
 
-#endif
+#endif  // ETHERCAT_DRIVER_HPP_

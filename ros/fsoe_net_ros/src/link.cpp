@@ -1,5 +1,8 @@
 #include "link.hpp"
 
+#include <string>
+#include <vector>
+
 #include "driven_axis.hpp"
 
 namespace fsoe_net_ros {

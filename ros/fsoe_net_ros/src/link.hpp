@@ -1,12 +1,16 @@
 /** The connection of a cell to fsn-master, and the thread that renews it. */
-#ifndef FSOE_NET_ROS_LINK_HPP
-#define FSOE_NET_ROS_LINK_HPP
+#ifndef LINK_HPP_
+#define LINK_HPP_
 
 #include <atomic>
+#include <deque>
 #include <fsn/client.h>
+#include <memory>
 #include <mutex>
 #include <nlohmann/json.hpp>
+#include <string>
 #include <thread>
+#include <vector>
 
 #include "fsoe_net_ros/cell.hpp"
 
@@ -23,9 +27,9 @@ fsn_realtime *open_client(const Cell::Options &options, const std::vector<std::s
 class Cell::Link {
 public:
     struct State {
-        int32_t symbol;               // input of the plan; none: of a connection
-        std::atomic<int> *connection; // state of a connection; null: an input, or nothing
-        bool in_data;                 // 1 or 0, not the number of its state
+        int32_t symbol;                 // input of the plan; none: of a connection
+        std::atomic<int> *connection;   // its state; null: an input, or nothing
+        bool in_data;                   // 1 or 0, not the number of its state
     };
     struct Command {
         int32_t symbol, actual, status;   // of a target position: actual position and statusword
@@ -101,4 +105,4 @@ private:
 
 }  // namespace fsoe_net_ros
 
-#endif
+#endif  // LINK_HPP_

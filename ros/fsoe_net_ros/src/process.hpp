@@ -1,6 +1,6 @@
 /** Programs that the hardware component starts, never through a shell and never in the real-time thread. */
-#ifndef FSOE_NET_ROS_PROCESS_HPP
-#define FSOE_NET_ROS_PROCESS_HPP
+#ifndef PROCESS_HPP_
+#define PROCESS_HPP_
 
 #include <condition_variable>
 #include <mutex>
@@ -47,4 +47,4 @@ private:
 
 }  // namespace fsoe_net_ros
 
-#endif
+#endif  // PROCESS_HPP_

@@ -3,9 +3,10 @@
 //   drive_system [class=NAME] [urdf=FILE] [PARAM=VALUE…] [s:COMPONENT/INTERFACE…] [c:COMPONENT/INTERFACE[=INITIAL]…]
 //                [p:COMPONENT/PARAM=VALUE…]
 //
-// Lines: init configure activate deactivate cleanup error · cycle N (read, write, 1 ms), tight N (read, write), write · start NAME…, stop NAME…
-// (a controller claims or releases commands) · set COMPONENT/INTERFACE VALUE · get COMPONENT/INTERFACE. Each
-// line is answered by one. After an error or DEACTIVATE of read or write it calls the same function as the resource manager.
+// Lines: init configure activate deactivate cleanup error · cycle N (read, write, 1 ms), tight N (read, write), write ·
+// start NAME…, stop NAME… (a controller claims or releases commands) · set COMPONENT/INTERFACE VALUE ·
+// get COMPONENT/INTERFACE. Each line is answered by one. After an error or DEACTIVATE of read or write it calls the
+// same function as the resource manager.
 #include <chrono>
 #include <fstream>
 #include <hardware_interface/component_parser.hpp>

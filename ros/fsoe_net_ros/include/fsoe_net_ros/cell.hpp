@@ -11,8 +11,8 @@
  *  From configure() on a thread follows the connections. When fsn-master or its bus is gone, it connects
  *  again, and states return by themselves. Commands do not: they need activate() again.
  */
-#ifndef FSOE_NET_ROS_CELL_HPP
-#define FSOE_NET_ROS_CELL_HPP
+#ifndef FSOE_NET_ROS__CELL_HPP_
+#define FSOE_NET_ROS__CELL_HPP_
 
 #include <chrono>
 #include <cstdint>
@@ -131,6 +131,9 @@ public:
      *  of a fault. */
     void read();
 
+    /** Start of the cycle whose inputs the last read() has, in ns of CLOCK_MONOTONIC; 0: no cycle yet. */
+    uint64_t cycle_ns() const { return cycle_ns_; }
+
     /** Sends the commands, once activate() has taken the outputs.
      *  @return false  the bus has stopped, cycles or SubDevices are missing, the outputs were taken back, or
      *  a command is outside the range of its output: fault() says which, and nothing is sent. Never
@@ -200,4 +203,4 @@ private:
 
 }  // namespace fsoe_net_ros
 
-#endif
+#endif  // FSOE_NET_ROS__CELL_HPP_

@@ -3,6 +3,7 @@
 #include <hardware_interface/hardware_info.hpp>
 #include <string>
 #include <tinyxml2.h>
+#include <unordered_map>
 #include <vector>
 
 namespace hardware_interface {

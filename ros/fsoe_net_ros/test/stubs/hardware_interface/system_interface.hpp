@@ -4,6 +4,8 @@
 #include <hardware_interface/types/hardware_interface_return_values.hpp>
 #include <rclcpp/rclcpp.hpp>
 #include <rclcpp_lifecycle/state.hpp>
+#include <string>
+#include <vector>
 #if HARDWARE_INTERFACE_VERSION_MAJOR >= 4
 #include <hardware_interface/types/hardware_component_interface_params.hpp>
 #endif
