@@ -41,6 +41,7 @@ GROUPS = {
         "log": "Explain incident files; show, verify and export the intervention log.",
         "monitor": "Watch a running fsn-master: connections, SubDevices, timing.",
         "console": "Control a running fsn-master, interactively or by script.",
+        "export": "Serve metrics of running fsn-masters for Prometheus.",
         "ros2": "Publish a running fsn-master to ROS 2: diagnostics, joints, values.",
     },
     "Hand it in": {
