@@ -8,7 +8,7 @@ from datetime import datetime
 
 import click
 
-from fsoe_net.cli.incident import incident
+from fsoe_net.cli.incident import incident, incident_table
 from fsoe_net.cli.options import (
     FILE,
     format_option,
@@ -47,6 +47,7 @@ def command() -> None:
 
 
 command.add_command(incident)
+command.add_command(incident_table)
 
 
 def _chain_options(function: Callable[..., None]) -> Callable[..., None]:

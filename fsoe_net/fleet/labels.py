@@ -5,9 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from fsoe_net.diag.printable import printable
+from fsoe_net.fsoe.pdu import ResetCode
 
 LABEL_CHARS = 128
 """Longest text of a label; the path of a Unix socket always fits."""
+
+_CODES: dict[int | None, str] = {int(code): code.name.lower() for code in ResetCode}
+RESET_CODES = (*_CODES.values(), "other")
+"""Names of reset codes; ``other`` for codes of a device."""
+
+
+def reset_code_name(code: int | None) -> str:
+    """Return one of `RESET_CODES`."""
+    return _CODES.get(code, RESET_CODES[-1])
 
 
 def bounded(text: str) -> str:

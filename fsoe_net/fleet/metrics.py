@@ -19,8 +19,8 @@ from prometheus_client.core import (
 from prometheus_client.registry import Collector
 
 from fsoe_net.core.snapshot import Histogram, Statistics, bucket_end
-from fsoe_net.fleet.labels import bounded, distinct_labels
-from fsoe_net.fleet.watcher import RESET_CODES, RESET_ENDS, MasterReading, ResetCause
+from fsoe_net.fleet.labels import RESET_CODES, bounded, distinct_labels
+from fsoe_net.fleet.watcher import RESET_ENDS, MasterReading, ResetCause
 from fsoe_net.live.attachment import WatchedConnection
 from fsoe_net.live.control_values import Status
 from fsoe_net.live.health import Health, HealthReport, SubDeviceHealth, bus_health

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from fsoe_net.errors import EnvironmentFault
-from fsoe_net.fsoe.pdu import ResetCode
+from fsoe_net.fleet.labels import reset_code_name
 from fsoe_net.live.attachment import Attachment, BusView
 from fsoe_net.live.result import RunEvent, RunEventKind
 
@@ -18,16 +18,13 @@ LOOK_S = 1.0
 MAX_AGE_S = 10.0
 """Age from which a view counts as missing; a request to a healthy process ends earlier."""
 RESET_ENDS = ("main", "sub", "unknown")
-_CODES = {int(code): code.name.lower() for code in ResetCode}
-RESET_CODES = (*_CODES.values(), "other")
-"""Names of reset codes; ``other`` for codes of a device."""
 
 
 @dataclass(frozen=True, slots=True)
 class ResetCause:
     """What an event reports about a Reset: the connection, the end that began it, and the code.
 
-    ``end`` is one of `RESET_ENDS`, ``code`` one of `RESET_CODES`.
+    ``end`` is one of `RESET_ENDS`, ``code`` one of `labels.RESET_CODES`.
     """
 
     connection: str
@@ -110,9 +107,8 @@ class MasterWatcher:
 
 
 def _cause(event: RunEvent) -> ResetCause:
-    code = -1 if event.code is None else event.code
     return ResetCause(
         connection=event.source,
         end=event.end if event.end in RESET_ENDS else RESET_ENDS[-1],
-        code=_CODES.get(code, RESET_CODES[-1]),
+        code=reset_code_name(event.code),
     )
