@@ -37,6 +37,7 @@ GROUPS = {
     },
     "Operate it": {
         "doctor": "Check this machine for real-time EtherCAT; test this installation.",
+        "bench": "Measure how well this machine keeps a cycle.",
         "scan": "Read a live bus and write files to start from.",
         "log": "Explain incident files; show, verify and export the intervention log.",
         "monitor": "Watch a running fsn-master: connections, SubDevices, timing.",

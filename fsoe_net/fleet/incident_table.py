@@ -134,7 +134,7 @@ def _moment(text: str) -> datetime | None:
 
 
 def update_table(output: Path, paths: Iterable[str], machine: str = "") -> TableResult:
-    """Add the incidents that the Parquet file does not have; without any, it is not written.
+    """Add the incidents that the Parquet file does not have; without any, it is not changed.
 
     Args:
         output: The Parquet file; created if it is missing.
@@ -161,7 +161,7 @@ def update_table(output: Path, paths: Iterable[str], machine: str = "") -> Table
                     known.add(sha256)
             except InputError as exc:
                 failures.append((str(path), str(exc)))
-        if len(known) > before or not output.exists():
+        if len(known) > before or not (output.exists() or failures):
             _store(database, output)
     return TableResult(rows=len(known), added=len(known) - before, failures=tuple(failures))
 

@@ -7,15 +7,13 @@ import resource
 import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from networks import EXAMPLES, example, write_big_network
+from networks import write_big_network
 
-from fsoe_net.project.simulate import prepare
-from fsoe_net.simulate.session import run_virtual
+from fsoe_net.bench.measure import emulated_per_s
 
 
 def process(*arguments: str) -> tuple[float, float]:
@@ -52,11 +50,8 @@ def main() -> None:
             print(f"{name:<24}{check:>9.2f}{plan:>9.2f}{check + plan:>9.2f}{memory:>7.0f}")
     print("limits: 500 / 424 below 1 s; 5000 / 4000 below 300 MB")
     print(f"growth from 500 to 5000: {sums[5000] / sums[500]:.1f} times (linear is at most 10)")
-    session = prepare(example("estop"), None, None, virtual=True)
-    start = time.perf_counter()
-    result = run_virtual(session, 20_000_000_000)
-    rate = result.statistics.cycles / (time.perf_counter() - start)
-    print(f"virtual time, {EXAMPLES.name}/estop: {rate:.0f} bus cycles per second (limit 2000)")
+    rate = emulated_per_s()
+    print(f"virtual time, examples/estop: {rate:.0f} bus cycles per second (limit 2000)")
     peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024
     print(f"peak memory of this process: {peak_mb} MB")
 

@@ -63,12 +63,24 @@ READERS = {
     ("decode", "lua"): "--lua WRONG -o made.lua",
 }
 # Parameters of the same type that are no document: what is written, and control sockets.
-NOT_READ = {"output", "socket", "capture", "stats", "plot", "snapshot", "record"}
+NOT_READ = {
+    "output",
+    "parquet",
+    "socket",
+    "sockets",
+    "capture",
+    "stats",
+    "plot",
+    "snapshot",
+    "record",
+}
 # A script is read when fsn-master answers; tests of the console and of signatures have these.
 ELSEWHERE = {
     ("log show", "files"),
     ("log verify", "files"),
     ("log export", "files"),
+    ("log incident-table", "files"),
+    ("bench", "compare"),
     ("console", "script"),
     ("acceptance sign", "key"),
     ("acceptance verify", "signers"),

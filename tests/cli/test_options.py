@@ -224,6 +224,7 @@ def test_every_command_that_writes_has_the_flag():
     assert writers == with_flag - {"acceptance sign"}  # it writes next to the record
     assert set(WRITERS) == writers - {
         "acceptance record",
+        "bench",
         "ros2",
         "log export",
         "log incident",

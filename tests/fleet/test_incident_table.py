@@ -103,6 +103,19 @@ def test_a_damaged_file_is_named_and_the_others_are_in_the_table(machines):
     assert len(rows(machines)) == 2
 
 
+def test_no_table_is_made_of_unreadable_files_alone(tmp_path):
+    (tmp_path / "x.fsnincident").write_bytes(b"{}\n")
+    for folder in (tmp_path / "x.fsnincident", tmp_path / "missing"):
+        assert collect(folder).returncode == 1
+        assert not (tmp_path / "t.parquet").exists()
+
+
+def test_a_folder_without_incidents_is_an_empty_table(tmp_path):
+    (tmp_path / "none").mkdir()
+    assert collect(tmp_path / "none").returncode == 0
+    assert rows(tmp_path / "none") == []
+
+
 def test_a_cut_off_file_is_marked(machines, incident):
     (machines / "press-1" / "a.fsnincident").write_bytes(incident.read_bytes()[:-200])
     collect(machines)

@@ -1,0 +1,123 @@
+"""Results as documents: one, or two next to each other."""
+
+from __future__ import annotations
+
+from fsoe_net.bench.result import BUSY_SHARE, BenchResult, Measured
+from fsoe_net.diag.words import counted
+from fsoe_net.document.model import Cell, Column, Document, Level, Part, Table, Verdict, cell, words
+
+_NAMES = {
+    Measured.TIMER: "empty timer, wake-up late",
+    Measured.WAKE_UP: "cycle, wake-up late",
+    Measured.WORK: "cycle, execution time",
+    Measured.COPY: "cycle, copies alone",
+    Measured.MONITORED_WAKE_UP: "with a monitor, wake-up late",
+    Measured.MONITORED_WORK: "with a monitor, execution time",
+    Measured.CLIENT: "real-time client in Python, after the start of the cycle",
+}
+_HEADS = ("50 %", "99 %", "99.9 %", "most")
+_NOTES = (
+    "Measured on the emulated bus of fsn-master: no interface, no cable, no device. It describes "
+    "this machine at this time. It is not a bound and not a safety statement.",
+    "Not measured: round trips, SOEM's own loop, bare send() and recv(). scripts/bench live in a "
+    "source tree measures them as root.",
+)
+
+
+def bench_document(result: BenchResult) -> Document:
+    """Return the document of a result."""
+    rows = tuple(
+        (cell(_NAMES[name]), *(cell(_us(ns)) for ns in _times(result, name)), _count(result, name))
+        for name in Measured
+        if name in result.times
+    )
+    columns = (
+        Column("times in us"),
+        *(Column(head, number=True) for head in _HEADS),
+        Column("times", number=True, rank=1),
+    )
+    rate = f"Emulator in virtual time: {result.emulated_per_s:.0f} bus cycles per second."
+    return Document(
+        title="Measurement of a machine",
+        subtitle=f"{result.utc}, cycle {result.cycle_ns / 1e6:g} ms",
+        version=result.version,
+        lead=(
+            *_machine("", result),
+            Table(name="times", columns=columns, rows=rows),
+            words(rate),
+            *(words(note, note=True) for note in _NOTES),
+        ),
+    )
+
+
+def comparison_document(first: BenchResult, second: BenchResult) -> Document:
+    """Return two results next to each other; the factor is that of the second."""
+    rows = []
+    for name in Measured:
+        if name in first.times and name in second.times:
+            a, b = first.times[name], second.times[name]
+            pairs = ((a.p50_ns, b.p50_ns), (a.p999_ns, b.p999_ns), (a.max_ns, b.max_ns))
+            rows.append((cell(_NAMES[name]), *(c for pair in pairs for c in _pair(*pair))))
+    heads = [
+        f"{head} {side}" for head in ("50 %", "99.9 %", "most") for side in ("A", "B", "B / A")
+    ]
+    columns = (Column("times in us"), *(Column(head, number=True) for head in heads))
+    return Document(
+        title="Two measurements",
+        subtitle=f"A {first.utc}, B {second.utc}",
+        version=second.version,
+        lead=(
+            *_machine("A: ", first),
+            *_machine("B: ", second),
+            *_differences(first, second),
+            Table(name="comparison", columns=columns, rows=tuple(rows)),
+        ),
+    )
+
+
+def _machine(name: str, result: BenchResult) -> list[Part]:
+    host = result.host
+    priority = "real-time priority" if host.realtime else "no real-time priority"
+    parts: list[Part] = [
+        words(
+            f"{name}{host.processor or 'unknown processor'}, {counted(host.cpus, 'CPU')}, Linux "
+            f"{host.kernel}, {priority}, {counted(host.warnings, 'warning')} of fsoe-net doctor"
+        )
+    ]
+    if host.is_busy:
+        text = (
+            f"{name}busy: other processes used {host.others_share:.0%} of the processors (limit "
+            f"{BUSY_SHARE:.0%}); repeat the measurement on an idle machine"
+        )
+        parts.append(words(Verdict(text, Level.WARNING)))
+    return parts
+
+
+def _differences(first: BenchResult, second: BenchResult) -> list[Part]:
+    """Name what makes the two hard to compare."""
+    parts = []
+    if first.cycle_ns != second.cycle_ns:
+        parts.append("the cycles differ")
+    if first.host.realtime != second.host.realtime:
+        parts.append("only one has real-time priority")
+    if first.version != second.version:
+        parts.append("the versions of fsoe-net differ")
+    return [words(Verdict(f"Compare with care: {part}", Level.WARNING)) for part in parts]
+
+
+def _times(result: BenchResult, name: Measured) -> tuple[int, ...]:
+    times = result.times[name]
+    return (times.p50_ns, times.p99_ns, times.p999_ns, times.max_ns)
+
+
+def _count(result: BenchResult, name: Measured) -> Cell:
+    return cell(str(result.times[name].count))
+
+
+def _pair(first_ns: int, second_ns: int) -> tuple[Cell, Cell, Cell]:
+    factor = f"{second_ns / first_ns:.2f}" if first_ns else "-"
+    return cell(_us(first_ns)), cell(_us(second_ns)), cell(factor)
+
+
+def _us(ns: int) -> str:
+    return f"{ns / 1000:.1f}"
