@@ -20,7 +20,7 @@ from fsoe_net.host.seam import Host, Unreadable
 from fsoe_net.live.attachment import Attachment
 from fsoe_net.live.client import Client
 from fsoe_net.live.control_values import BusState
-from fsoe_net.live.master import Master
+from fsoe_net.live.master import Master, find_master
 from fsoe_net.network import load
 from fsoe_net.project.installed import shipped
 
@@ -52,8 +52,10 @@ def bench(plan: BenchPlan, host: Host, report: Callable[[str], None]) -> BenchRe
         report: Called with the name of each part before it begins.
 
     Raises:
-        EnvironmentFault: ``fsn-master`` is missing or does not start.
+        EnvironmentFault: ``fsn-master`` is missing or does not start, or one runs already.
     """
+    find_master()
+    refuse_beside_a_bus(host)
     others = others_share(host, _OTHERS_S)
     report("an empty timer")
     timer, realtime = empty_timer(plan)
@@ -84,6 +86,21 @@ def bench(plan: BenchPlan, host: Host, report: Callable[[str], None]) -> BenchRe
         times=times,
         emulated_per_s=rate,
     )
+
+
+def refuse_beside_a_bus(host: Host) -> None:
+    """Reject a machine that drives a bus: threads of the same priority would delay its cycle.
+
+    Raises:
+        EnvironmentFault: An ``fsn-master`` runs whose bus is not emulated.
+    """
+    for pid in host.processes("fsn-master"):
+        words = (host.maybe(f"/proc/{pid}/cmdline") or "").split("\0")
+        if "emulated" not in words and "--bus=emulated" not in words:
+            raise EnvironmentFault(
+                f"fsn-master (process {pid}) drives a bus on this machine, and a measurement would "
+                "delay its cycle; measure while no bus runs"
+            )
 
 
 class _TimeSpec(ctypes.Structure):

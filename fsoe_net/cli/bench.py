@@ -26,7 +26,7 @@ Examples:
   fsoe-net bench --compare before.json after.json
 
 Nothing is sent to a bus. Exit codes: 0 measured; 1 a file is not a result; 2 usage error; 3
-fsn-master is missing or does not start."""
+fsn-master is missing or does not start, or one drives a bus on this machine."""
 
 _ENDINGS = (".html", ".json")
 

@@ -14,8 +14,11 @@ from jsonschema import Draft202012Validator
 from live.support import ROOT, needs_core
 from master.rig import program
 
-from fsoe_net.bench.measure import others_share
-from fsoe_net.bench.result import Measured, Times
+from fsoe_net.bench.document import bench_document
+from fsoe_net.bench.measure import BenchPlan, bench, others_share, refuse_beside_a_bus
+from fsoe_net.bench.result import Measured, Times, read_result
+from fsoe_net.document.write_terminal import document_text
+from fsoe_net.errors import EnvironmentFault
 from fsoe_net.host.seam import Host, Unreadable
 
 SCHEMA = json.loads((ROOT / "schemas/bench.schema.json").read_text("utf-8"))
@@ -39,25 +42,56 @@ def write(path: Path, row: object) -> str:
     return str(path)
 
 
+class NoBus(Host):
+    """This machine, without the processes of other tests."""
+
+    def processes(self, name: str) -> list[int]:
+        return []
+
+
 @needs_core
-def test_a_measurement_follows_its_schema_and_can_be_compared(tmp_path):
-    path = str(tmp_path / "a.json")
-    environment = os.environ | {"FSN_MASTER": program()}
-    done = fsn("bench", "--cycle", "2ms", "--duration", "300ms", "-o", path, env=environment)
-    assert done.returncode == 0, done.stderr
+def test_a_measurement_follows_its_schema_and_can_be_compared(tmp_path, monkeypatch):
+    monkeypatch.setenv("FSN_MASTER", program())
+    parts: list[str] = []
+    done = bench(BenchPlan(cycle_ns=2_000_000, seconds=0.3), NoBus(), parts.append)
+    path = write(tmp_path / "a.json", done.to_json())
     row = json.loads(Path(path).read_text("utf-8"))
     Draft202012Validator(SCHEMA).validate(row)
+    assert read_result(path) == done
+    assert len(parts) == 5
     assert set(row["times"]) == {name.value for name in Measured}
     assert row["times"]["empty_timer"]["count"] == 150
     assert row["times"]["cycle_wake_up"]["count"] > 0
     assert row["emulated_per_s"] > 0
     for times in row["times"].values():
         assert times["p50_ns"] <= times["p99_ns"] <= times["p999_ns"] <= times["max_ns"]
-    assert "empty timer, wake-up late" in done.stdout
-    assert "not a safety statement" in done.stdout
+    text = document_text(bench_document(done))
+    assert "empty timer, wake-up late" in text
+    assert "not a safety statement" in text
     same = fsn("bench", "--compare", path, path)
     assert (same.returncode, same.stderr) == (0, "")
     assert "Compare with care" not in same.stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "refused"),
+    [
+        (("/usr/bin/fsn-master", "cell.fsnplan", "--interface", "eth1"), True),
+        (("fsn-master", "cell.fsnplan", "--bus", "emulated"), False),
+    ],
+)
+def test_a_machine_that_drives_a_bus_is_not_measured(words, refused, tmp_path):
+    process = tmp_path / "proc" / "77"
+    process.mkdir(parents=True)
+    (process / "comm").write_text("fsn-master\n", "utf-8")
+    (process / "cmdline").write_text("\0".join([*words, ""]), "utf-8")
+    host = Host(tmp_path)
+    assert host.processes("fsn-master") == [77]
+    if not refused:
+        refuse_beside_a_bus(host)
+        return
+    with pytest.raises(EnvironmentFault, match="process 77"):
+        refuse_beside_a_bus(host)
 
 
 def test_percentiles_are_those_of_numpy():
