@@ -24,7 +24,7 @@ Examples:
   fsoe-net explain FSN_E_BUS_SILENT"""
 
 
-class _Code(click.ParamType[str]):
+class _Code(click.ParamType):  # type: ignore[type-arg]
     """A diagnostic code, with completion."""
 
     name = "code"

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 _F = TypeVar("_F", bound=Callable[..., Any])
 
 
-class Time(click.ParamType[int]):
+class Time(click.ParamType):  # type: ignore[type-arg]
     """A time in nanoseconds: ``30``, ``30s``, ``500ms``, ``2min``.
 
     Args:
@@ -62,7 +62,7 @@ named_folders: set[str] = set()
 """Folders of the files that the user named; lines of other files are not printed."""
 
 
-class _Path(click.ParamType[str]):
+class _Path(click.ParamType):  # type: ignore[type-arg]
     """A path. It is not opened here: the reader reports errors, with one exit code."""
 
     def __init__(self, name: str, completion: str) -> None:
@@ -115,7 +115,7 @@ NETWORK_FILE = _NetworkFile("file", "file")
 FOLDER = _Folder("folder", "dir")
 
 
-class _Interface(click.ParamType[str]):
+class _Interface(click.ParamType):  # type: ignore[type-arg]
     """A network interface, with completion."""
 
     name = "interface"

@@ -33,7 +33,7 @@ Exit codes: 0 no errors or warnings, 1 a watchdog or reaction time does not fit 
 file has an error; 2 usage error."""
 
 
-class _Share(click.ParamType[float]):
+class _Share(click.ParamType):  # type: ignore[type-arg]
     """A share such as 1% or 0.01."""
 
     name = "share"

@@ -24,6 +24,7 @@ from fsoe_net.errors import EnvironmentFault, InputError
 from fsoe_net.live.client import Client
 
 _PROGRAM = "fsn-master"
+_SHIPPED = Path(__file__).parents[1] / "bin" / _PROGRAM
 _CONNECT_S = 20.0
 _STOP_S = 15.0  # fsn-master limits its own shutdown to 10 s
 _MOST_TEXT = 2000
@@ -33,7 +34,10 @@ LOG = ("--log", "json")
 
 
 def find_master() -> str:
-    """Return the path of ``fsn-master``: ``FSN_MASTER``, next to the interpreter, on ``PATH``.
+    """Return the path of ``fsn-master``.
+
+    In this order: ``FSN_MASTER``, next to the interpreter, on ``PATH``, in the wheel. The last one
+    has no SOEM: it drives the emulated bus only.
 
     Raises:
         EnvironmentFault: ``fsn-master`` was not found.
@@ -49,7 +53,7 @@ def find_master() -> str:
     beside = Path(sys.executable).parent / _PROGRAM
     if os.access(beside, os.X_OK) and beside.is_file():
         return str(beside)
-    found = shutil.which(_PROGRAM)
+    found = shutil.which(_PROGRAM) or shutil.which(_SHIPPED)
     if found is None:
         raise EnvironmentFault(
             "fsn-master, which drives a live bus, is not there: `fsoe-net install-master` builds "

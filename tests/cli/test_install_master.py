@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from fsoe_net.errors import EnvironmentFault
-from fsoe_net.live import build_master
+from fsoe_net.live import build_master, master
 
 FSN = [sys.executable, "-m", "fsoe_net.cli", "install-master"]
 needs_compiler = pytest.mark.skipif(
@@ -105,10 +105,14 @@ def test_missing_tools_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 
 
 def test_where_it_is_missing_the_command_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    from fsoe_net.live.master import find_master
-
+    shipped, on_path = tmp_path / "bin" / "fsn-master", tmp_path / "fsn-master"
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.delenv("FSN_MASTER", raising=False)
-    monkeypatch.setattr(sys, "executable", str(tmp_path / "python"))
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "venv" / "python"))
+    monkeypatch.setattr(master, "_SHIPPED", shipped)
     with pytest.raises(EnvironmentFault, match="`fsoe-net install-master` builds it"):
-        find_master()
+        master.find_master()
+    shipped.parent.mkdir()
+    for program in (shipped, on_path):  # a program that was installed later, maybe with SOEM, wins
+        program.touch(mode=0o755)
+        assert master.find_master() == str(program)
