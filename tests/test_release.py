@@ -1,7 +1,9 @@
 """What the page of releases says that CI holds: versions that belong together."""
 
 import re
+import subprocess
 
+import pytest
 from live.support import ROOT
 
 import fsoe_net
@@ -17,6 +19,7 @@ def test_package_library_and_changelog_have_one_version():
     assert re.search(r'FSN_VERSION_STRING "(.+)"', header)[1] == fsoe_net.__version__
     numbers = [re.search(rf"FSN_VERSION_{n} (\d+)", header)[1] for n in ("MAJOR", "MINOR", "PATCH")]
     assert ".".join(numbers) == fsoe_net.__version__
+    assert text("packaging/debian/changelog").startswith(f"fsoe-net ({fsoe_net.__version__}) ")
     topmost = re.search(r"^## (\S+?),? (unreleased|\d{4}-\d\d-\d\d)$", text("CHANGELOG.md"), re.M)
     assert topmost[1] == fsoe_net.__version__
 
@@ -33,3 +36,12 @@ def test_each_step_that_ci_holds_is_run_by_it():
     for script in named:
         assert script in text(".ci/run")
         assert (ROOT / "scripts" / script).is_file()
+
+
+@pytest.mark.parametrize("arguments", [["--nativ"], ["a", "b"], ["--native", "-x"], ["README.md"]])
+def test_wrong_arguments_of_the_release_build_nothing(arguments: list[str]):
+    """The last one names a file that exists."""
+    call = [ROOT / "scripts" / "release", *arguments]
+    done = subprocess.run(call, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "release" in done.stderr
