@@ -25,7 +25,7 @@ INPUTS = [
 def test_every_example_is_tested():
     found = {p.name for p in EXAMPLES.iterdir() if p.is_dir()}
     # The others have tests of their own.
-    assert found == {*FOLDERS, "broken", "clients", "legs"}
+    assert found == {*FOLDERS, "broken", "clients", "fleet", "legs"}
 
 
 @pytest.mark.parametrize("files", INPUTS, ids=" + ".join)
