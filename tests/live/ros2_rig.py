@@ -429,7 +429,14 @@ def driver(urdf, program, scenario):
             return [state, values.outputs["axis.position"], values.inputs["axis.position"], joint]
 
         def reaches(state, counts):
-            system.sends(lambda: facts()[0] == state and abs(facts()[2] - counts) < 20)
+            seen = []
+
+            def is_there():
+                seen[:] = facts()
+                return seen[:2] == [state, counts] and abs(seen[2] - counts) < 20
+
+            system.sends(is_there)
+            return seen
 
         system.sends(lambda: facts()[1] == 16384)
         system.goes("cycle 300")
@@ -437,9 +444,7 @@ def driver(urdf, program, scenario):
         system.goes("start elbow/position")
         reaches(0x27, 16384)
         system.goes("set elbow/position -1.3")
-        reaches(0x27, 13559)
-        system.goes("cycle 50")
-        seen["moved"] = facts()
+        seen["moved"] = reaches(0x27, 13559)
         system.goes("cleanup")
         seen |= {"ended": not socket.exists(), "said": system.end()}
     emulator.end()

@@ -123,7 +123,8 @@ def test_an_unplugged_subdevice_is_named(tmp_path):
     assert (clocks["subdevices"], clocks["outside"]) == (2, 0)
     assert clocks["worst_ns"] <= clocks["window_ns"] == 1000
     said = [e["text"] for e in found["events"] if e["source"] == "bus"]
-    assert any(text.startswith("the clocks are synchronous: all within") for text in said)
+    # On a busy machine they may be apart first: then they are synchronous again.
+    assert any(text.startswith("the clocks are synchronous") for text in said)
 
 
 @pytest.mark.parametrize(
