@@ -148,6 +148,8 @@ class MainDevice:
         self._delivered = [0] * count
         buses = range(1 + max(r.bus for r in registers))
         self._on = [[n for n, r in enumerate(registers) if r.bus == bus] for bus in buses]
+        self._off_lead = [n for n, r in enumerate(registers) if r.bus]
+        self._peers = [n ^ 1 for n in range(count)]
 
     def cycle(self, bus: int, now: int) -> list[int]:
         """Receive, exchange, copy and send on one bus; return registers with a new frame."""
@@ -160,16 +162,16 @@ class MainDevice:
             return []  # this frame gets lost; the process data stay as they were
         for n in own:
             self._fetched[n] = self.registers[n].fetch(now)
-        return [n for n in own if self._deliver(n, outputs[n], now)]
+        fresh = [n for n in own if outputs[n].number != self._delivered[n]]
+        return [n for n in fresh if self._deliver(n, outputs[n], now)]
 
     def _leading(self, own: Sequence[int]) -> Sequence[Frame]:
         """The first bus takes the newest inputs of the others, copies, and gives outputs."""
         for n in own:
             self._lead[n] = self._fetched[n]
-        for n, register in enumerate(self.registers):
-            if register.bus:
-                self._lead[n] = self._up[n]
-        outputs = [self._lead[n ^ 1] for n in range(len(self.registers))]
+        for n in self._off_lead:
+            self._lead[n] = self._up[n]
+        outputs = [self._lead[n] for n in self._peers]
         self._down = outputs
         return outputs
 
@@ -184,8 +186,6 @@ class MainDevice:
         return outputs
 
     def _deliver(self, n: int, frame: Frame, now: int) -> bool:
-        if frame.number == self._delivered[n]:
-            return False
         self._delivered[n] = frame.number
         is_held = False
         if n in self.faulty and now > self.fails:
@@ -272,10 +272,11 @@ class Run:
 
     def _next(self) -> int | None:
         """Run what is due next; return when the output acts on the demand, if it does."""
-        bus = min(range(len(self._ticks)), key=self._ticks.__getitem__)
-        number = min(range(len(self._tasks)), key=lambda n: self._tasks[n].starts)
+        now = min(self._ticks)
+        bus = self._ticks.index(now)
+        starts = [task.starts for task in self._tasks]
+        number = starts.index(min(starts))
         task = self._tasks[number]
-        now = self._ticks[bus]
         if now <= task.starts:
             self._ticks[bus] += self._periods[bus]
             for n in self.main_device.cycle(bus, now):
