@@ -26,11 +26,12 @@ from fsoe_net.formats.shared.files import Collector
 
 # Other keys or files say the rest: a path, two names of one thing, the order of two times, a day
 # that its month has, a step that is not done at the machine, the bits of another entry, keys of one
-# bus beside several, groups beside several buses, an infinite factor.
+# bus beside several, groups beside several buses, an infinite factor, a number beyond any double.
 BETWEEN_KEYS = {"FSN133", "FSN164", "FSN165", "FSN228", "FSN161", "FSN422", "FSN487"}
 ORDER = [
     ("FSN113", "during_ms: the end is before the start"),
     *(("FSN113", f"{key} must rise") for key in ("limits_rev", "home_switch_rev")),
+    *(("FSN113", f"{key} is too large") for key in ("default", "factor", "offset")),
 ]
 
 
