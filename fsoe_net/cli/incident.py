@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import click
 
 from fsoe_net.cli.options import FILE, output_option
+from fsoe_net.cli.output import print_diagnostics
 from fsoe_net.cli.terminal import echo, show
 from fsoe_net.cli.write import check_target
 from fsoe_net.diag.packages import missing_package
@@ -97,7 +99,9 @@ def incident_table(ctx: click.Context, files: tuple[str, ...], parquet: str, mac
     except ImportError as exc:
         raise EnvironmentFault(missing_package("incident-table", exc.name, "tables")) from exc
     result = update_table(Path(parquet), files, machine)
-    for _, reason in result.failures:
-        echo(f"error: {reason}", err=True)
-    echo(f"{parquet}: {counted(result.rows, 'incident')}, {result.added} new")
+    for failure in result.failures:
+        echo(f"error: {failure.message}", err=True)
+        print_diagnostics(failure.diagnostics, err=True)
+    if os.path.exists(parquet):
+        echo(f"{parquet}: {counted(result.rows, 'incident')}, {result.added} new")
     ctx.exit(1 if result.failures else 0)

@@ -74,11 +74,11 @@ COLUMNS = {f.name: _TYPES[str(f.type)] for f in fields(IncidentRow)}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TableResult:
-    """Number of rows; of new rows; what could not be read: file and reason."""
+    """Number of rows; of new rows; why files could not be read."""
 
     rows: int
     added: int
-    failures: tuple[tuple[str, str], ...]
+    failures: tuple[InputError, ...]
 
 
 def incident_files(paths: Iterable[str]) -> Iterator[Path]:
@@ -151,7 +151,8 @@ def update_table(output: Path, paths: Iterable[str], machine: str = "") -> Table
         if output.exists():
             _load(database, output)
         known = {row[0] for row in database.execute("SELECT sha256 FROM incidents").fetchall()}
-        before, failures = len(known), []
+        before = len(known)
+        failures: list[InputError] = []
         for path in incident_files(paths):
             try:
                 with open_file(path) as stream:
@@ -160,7 +161,7 @@ def update_table(output: Path, paths: Iterable[str], machine: str = "") -> Table
                     _insert(database, incident_row(path, sha256, machine))
                     known.add(sha256)
             except InputError as exc:
-                failures.append((str(path), str(exc)))
+                failures.append(exc)
         if len(known) > before or not (output.exists() or failures):
             _store(database, output)
     return TableResult(rows=len(known), added=len(known) - before, failures=tuple(failures))

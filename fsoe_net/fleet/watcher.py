@@ -34,7 +34,7 @@ class ResetCause:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MasterReading:
-    """The last view of one master; ``None`` if there is none that is recent."""
+    """The last view of one master; ``None`` without a recent one."""
 
     name: str
     view: BusView | None

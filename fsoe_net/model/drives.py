@@ -10,6 +10,7 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.model.bus import Device, Direction, Entry, Located
@@ -69,10 +70,15 @@ def drive_axes(layout: DeviceLayout) -> tuple[DriveAxis, ...]:
     return tuple(axes)
 
 
+def driver_facts(driver: str) -> dict[str, Any]:
+    """Return the keys that only the driver uses, with their values, of a device or an entry."""
+    return dict(json.loads(driver)) if driver else {}
+
+
 def switches_states(plugin: str | None, driver: str) -> bool:
-    """Return whether a drive is enabled by its plugin; ``driver``: keys of its slave YAML."""
-    switches = json.loads(driver) if driver else {}
-    return plugin == CIA402_PLUGIN and bool(switches.get("auto_state_transitions", True))
+    """Return whether a drive is enabled by its plugin; ``driver`` as in `driver_facts`."""
+    by_itself = driver_facts(driver).get("auto_state_transitions", True)
+    return plugin == CIA402_PLUGIN and bool(by_itself)
 
 
 def is_controlword(index: int) -> bool:

@@ -95,6 +95,13 @@ def test_a_new_incident_is_added_and_the_old_ones_stay(machines, incident):
     assert rows(machines, "machine, interface")[0] == ("cell-9", "eth7")
 
 
+def test_a_missing_file_is_named_once_and_makes_no_table(tmp_path):
+    table = tmp_path / "t.parquet"
+    done = fsn("log", "incident-table", str(tmp_path / "none"), "--parquet", str(table))
+    assert (done.returncode, done.stdout, table.exists()) == (1, "", False)
+    assert done.stderr.count("no such file") == 1
+
+
 def test_a_damaged_file_is_named_and_the_others_are_in_the_table(machines):
     (machines / "press-1" / "x.fsnincident").write_bytes(b"{}\n")
     done = collect(machines)

@@ -1,4 +1,4 @@
-"""Metrics of masters that answer as told."""
+"""Metrics of masters whose answers a test sets."""
 
 from __future__ import annotations
 

@@ -20,6 +20,7 @@ from fsoe_net.formats.shared.numbers import (
 )
 from fsoe_net.formats.shared.yaml_tree import MapNode, Node, SeqNode, load_yaml
 from fsoe_net.model.bus import Device, Direction, Entry, EntryView, Pdo, Sdo, SyncManager, Watchdog
+from fsoe_net.model.drives import driver_facts
 
 # Configured by the driver if a file lists no sync manager, or none that it supports.
 _DEFAULT_SYNC_MANAGERS = (
@@ -102,7 +103,7 @@ def _driver(root: MapNode, pdos: tuple[Pdo, ...], out: Collector) -> str:
         if (found := _plain(root.get(key))) is not None:
             rows[key] = found
     entries = [e for pdo in pdos for e in pdo.entries]
-    of_channels = [json.loads(e.driver) if e.driver else {} for e in entries]
+    of_channels = [driver_facts(e.driver) for e in entries]
     for key in _DRIVER_CHANNEL:
         rows |= _by_address(key, entries, [facts.get(key) for facts in of_channels])
     rows |= _by_address("for", entries, [e.component or None for e in entries])

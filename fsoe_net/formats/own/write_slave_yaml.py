@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection, Iterator
-from typing import cast
 
 from fsoe_net.errors import InputError
 from fsoe_net.formats.shared.writers import quoted
 from fsoe_net.model.bus import Device, Direction, Entry, EntryView, Pdo, Sdo, SyncManager, Watchdog
+from fsoe_net.model.drives import driver_facts
 from fsoe_net.model.type_words import DRIVER_WORD, TYPE_BITS
 
 _LONGEST_BITS = 255  # the driver stores the bits of an entry in one byte
@@ -47,7 +47,7 @@ def write_slave_yaml(
     lines = [f"vendor_id: 0x{device.vendor_id:08x}", f"product_id: 0x{device.product_code:08x}"]
     if device.assign_activate:
         lines.append(f"assign_activate: 0x{device.assign_activate:04x}")
-    for key, value in _facts(device.driver).items():
+    for key, value in driver_facts(device.driver).items():
         if key not in _OF_CHANNELS:
             lines.append(f"{key}: {json.dumps(value)}")
     if device.sdos:
@@ -68,11 +68,6 @@ def write_slave_yaml(
             row += f", watchdog: {sm.watchdog.value}"
         lines.append(f"  - {{{row}}}")
     return "\n".join(lines) + "\n"
-
-
-def _facts(driver: str) -> dict[str, object]:
-    """Return the keys that only the driver uses, with their values."""
-    return cast("dict[str, object]", json.loads(driver)) if driver else {}
 
 
 def _kept(
@@ -151,7 +146,7 @@ def _channel(entry: Entry, direction: Direction) -> Iterator[str]:
     parts += _scale(entry)
     if entry.component:
         parts.append(f"for: {quoted(entry.component)}")
-    parts += [f"{key}: {json.dumps(value)}" for key, value in _facts(entry.driver).items()]
+    parts += [f"{key}: {json.dumps(value)}" for key, value in driver_facts(entry.driver).items()]
     if entry.restart_relevant:
         parts.append("restart_relevant: true")
     if not entry.views:

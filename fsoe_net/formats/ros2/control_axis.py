@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from fsoe_net.model.bus import RobotComponent
 from fsoe_net.model.description import DescribedSubDevice
-from fsoe_net.model.drives import CONTROLWORD, MODE_OF_OPERATION, switches_states
+from fsoe_net.model.drives import CONTROLWORD, MODE_OF_OPERATION, driver_facts, switches_states
 from fsoe_net.model.symbols import DeviceSymbol
 
 AXIS_REQUESTS = ("reset_fault", "home")
@@ -43,7 +42,7 @@ def driven_axes(
     has_controlword = any(is_output_of(s, CONTROLWORD) for s in symbols)
     if not switches_states(sub.plugin, sub.device.driver) or not has_controlword:
         return []
-    switches = json.loads(sub.device.driver) if sub.device.driver else {}
+    switches = driver_facts(sub.device.driver)
     modes = [s.entry.default for s in symbols if is_output_of(s, MODE_OF_OPERATION)]
     mode = next((m for m in modes if m is not None and math.isfinite(m)), None)
     resets = bool(switches.get("auto_fault_reset", False))

@@ -13,7 +13,7 @@ namespace {
 constexpr unsigned kStatusword = 0x6041, kActualPosition = 0x6064, kTargetPosition = 0x607A;
 constexpr unsigned kAxisStep = 0x800, kMostAxes = 8;
 
-/** What is added to the objects of axis 0, of a target position; -1: the object is none. */
+/** What is added to the objects of axis 0, of a target position; -1 if the object is not one. */
 int axis_base(unsigned index) {
     const unsigned base = index - kTargetPosition;
     return index >= kTargetPosition && base % kAxisStep == 0 && base / kAxisStep < kMostAxes
