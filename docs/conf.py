@@ -22,7 +22,10 @@ napoleon_use_ivar = True
 myst_enable_extensions = ["colon_fence", "deflist"]
 myst_heading_anchors = 3
 html_theme = "furo"
-html_title = f"fsoe-net {release}"
+# Such as "0.1.0, unreleased", until its date is there.
+news = (Path(__file__).parents[1] / "CHANGELOG.md").read_text("utf-8")
+html_title = f"fsoe-net {re.search(r'^## (.*)$', news, re.MULTILINE).group(1)}"
+templates_path = ["site/templates"]
 html_static_path = ["site"]
 html_css_files = ["site.css", "pictures.css"]
 html_search_scorer = str(Path(__file__).parent / "site" / "scorer.js")

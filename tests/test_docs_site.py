@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-import importlib.util
+import io
 import json
 import re
+import shutil
+import subprocess
+import tarfile
+from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
+import generated
 import pytest
 from networks import EXAMPLES
 from studio.browser import chromium  # noqa: F401 - a fixture
@@ -19,16 +23,6 @@ DOCS = Path(__file__).parents[1] / "docs"
 SCORER = DOCS / "site" / "scorer.js"
 TITLE = 15  # what Sphinx gives a page whose title is the searched word
 PAGES = ["diagnostics/FSN301", "development/testing", "reference/cli", "howto/scan", "index"]
-
-
-@pytest.fixture(scope="module")
-def generated() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("docs_generated", DOCS / "generated.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def ranked(browser: Any, query: str) -> list[str]:
@@ -55,7 +49,7 @@ def test_a_code_finds_its_own_page(chromium: Any):  # noqa: F811
     assert ranked(chromium, "fsn301") == PAGES
 
 
-def test_the_gallery_draws_each_example_with_a_report(generated: ModuleType):
+def test_the_gallery_draws_each_example_with_a_report():
     text = generated.fill_in("index", (DOCS / "index.md").read_text("utf-8"))
     assert "<!-- gallery -->" not in text
     for name, page in generated.EXAMPLES.items():
@@ -79,10 +73,64 @@ def test_each_reader_has_a_card_whose_pages_exist():
     assert 'href="specimen.html"' in text
 
 
-def test_our_drawings_follow_the_theme_of_the_page(generated: ModuleType):
+def test_our_drawings_follow_the_theme_of_the_page():
     style = generated.picture_style()
     rules = re.findall(r"([^{};]*)\{([^{}]*--back:[^{}]*)", style)
     backs = [re.search(r"--back:([^;]*)", body)[1] for _, body in rules]
     assert len(backs) == 3
     assert backs[0] != backs[1] == backs[2]
     assert style.count("{") == style.count("}")
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
+    """The script of the published pages; the one page of this commit says `main`."""
+    scripts = tmp_path / "scripts"
+    scripts.mkdir()
+    shutil.copy(DOCS.parent / "scripts" / "site", scripts)
+    made = "#!/bin/sh\nmkdir -p build/docs && echo main >build/docs/index.html\n"
+    (scripts / "docs").write_text(made)
+    (scripts / "docs").chmod(0o755)
+
+    def run(*arguments: object) -> subprocess.CompletedProcess[str]:
+        call = [scripts / "site", *map(str, arguments)]
+        return subprocess.run(call, capture_output=True, text=True, check=False)
+
+    return run
+
+
+def archive(folder: Path, version: str) -> Path:
+    path = folder / f"fsoe-net-{version}-docs.tar.xz"
+    with tarfile.open(path, "w:xz") as pages:
+        header = tarfile.TarInfo("./index.html")
+        header.size = len(version)
+        pages.addfile(header, io.BytesIO(version.encode()))
+    return path
+
+
+def test_each_version_has_its_pages_and_the_newest_release_is_first(site: Any, tmp_path: Path):
+    releases = [archive(tmp_path, version) for version in ("0.9.1", "0.10.0", "0.2.0")]
+    done = site(tmp_path / "site", *releases)
+    assert (done.returncode, done.stderr) == (0, "")
+    read = {
+        path.parent.name: path.read_text("utf-8").strip()
+        for path in (tmp_path / "site").rglob("index.html")
+    }
+    there = ["0.10.0", "0.9.1", "0.2.0", "main"]
+    assert read == {"site": "0.10.0", **{name: name for name in there}}
+    links = re.findall(r'href="(.*?)/"', (tmp_path / "site/versions.html").read_text("utf-8"))
+    assert links == there
+
+
+def test_before_a_release_the_pages_of_this_commit_are_first(site: Any, tmp_path: Path):
+    assert site(tmp_path / "site").returncode == 0
+    assert (tmp_path / "site/index.html").read_text("utf-8") == "main\n"
+
+
+@pytest.mark.parametrize("more", [[], ["-x"], ["{tmp}"], ["{tmp}/site", "{tmp}/notes.tar.xz"]])
+def test_wrong_arguments_of_the_site_write_nothing(site: Any, tmp_path: Path, more: list[str]):
+    (tmp_path / "notes.tar.xz").touch()
+    done = site(*(word.format(tmp=tmp_path) for word in more))
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("site")
+    assert not (tmp_path / "site").exists()

@@ -12,7 +12,7 @@ SCRIPTS = {
 }
 
 
-STARTERS = (".ci/run", "Makefile", ".github/workflows/release.yml")
+STARTERS = (".ci/run", "Makefile", ".github/workflows/release.yml", ".github/workflows/docs.yml")
 
 
 def started_by(text: str) -> set[str]:
