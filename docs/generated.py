@@ -15,6 +15,7 @@ import tempfile
 from pathlib import Path
 
 import click
+from shown import sections
 
 from fsoe_net.cli.main import GROUPS, cli
 from fsoe_net.cli.options import named_folders
@@ -32,7 +33,6 @@ from fsoe_net.rules.runtime import Runtime
 
 ROOT = Path(__file__).resolve().parents[1]
 CASES = ROOT / "tests" / "diagnostics"
-named_folders.add(".")  # lines of the files of an example are shown
 MOST = 6  # lines of one run of added or removed ones
 EXAMPLES = {  # on the first page, with the page that uses each
     "estop": "tutorial/ten-minutes.md",
@@ -92,6 +92,7 @@ def _changed(folder: Path, file: str) -> set[tuple[str, int]]:
 
 def _example(code: str, case: dict) -> str:
     command, runtime = " ".join(case.get("check", ())), Runtime(case.get("runtime", "fsn"))
+    named_folders.add(".")  # lines of the files are shown
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary) / "case"
         shutil.copytree(CASES / "base", folder)
@@ -153,6 +154,8 @@ def fill_in(page: str, text: str) -> str:
         return text.replace("<!-- gallery -->\n", _gallery())
     if page == "howto/ros2":
         return text.replace("<!-- robot -->\n", _robot())
+    if page == "reference/validation":
+        return text.replace("<!-- requirements -->\n", sections())
     if page == "reference/runtimes":
         return text.replace("<!-- effects -->\n", _effects())
     if page != f"diagnostics/{code}" or code not in CATALOGUE:
