@@ -24,7 +24,7 @@ Examples:
   fsoe-net ros2 --interface eth1 --record shift.mcap --duration 8h
   fsoe-net ros2 --interface eth1 --localhost --allow-control
 
-Then, where ROS 2 is installed: ros2 topic echo /diagnostics, ros2 topic list.
+If ROS 2 is installed for this Python and its setup.bash was sourced, rclpy makes the node.
 
 Exit codes: 0 ended by Ctrl-C or after --duration; 2 usage error; 3 no fsn-master answers,
 cyclonedds is not installed, or DDS does not start."""
@@ -86,6 +86,7 @@ def _namespace(_ctx: click.Context, _param: click.Parameter, value: str) -> str:
     metavar="NAME",
     help="Namespace of all topics except /diagnostics, such as /left.",
 )
+@click.option("--dds", is_flag=True, help="Use DDS directly, also where ROS 2 is installed.")
 @click.option("--record", type=FILE, metavar="FILE.mcap", help="Record all published messages.")
 @overwrite_option
 @click.option(
@@ -104,6 +105,7 @@ def command(
     socket: str | None,
     interface: str | None,
     localhost: bool,
+    dds: bool,
     overwrite: bool,
     duration_ns: int | None,
     **shown: Any,
@@ -119,7 +121,7 @@ def command(
     path = master_socket(socket, interface)
     check_target(shown["record"], overwrite=overwrite)
     try:
-        from fsoe_net.ros2.bridge import Bridge, BridgeOptions
+        from fsoe_net.ros2.bridge import Bridge, BridgeOptions, has_rclpy
     except ImportError as exc:
         raise EnvironmentFault(missing_package("ros2", exc.name, "ros2")) from exc
     stop = stop_on(ENDS_OR_HANGS_UP)
@@ -128,11 +130,12 @@ def command(
         os.environ.get("ROS_LOCALHOST_ONLY") == "1"
         or os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE") == "LOCALHOST"
     )
-    options = BridgeOptions(here_only=here_only, **shown)
+    options = BridgeOptions(here_only=here_only, by_rclpy=not dds and has_rclpy(), **shown)
     until = None if duration_ns is None else time.monotonic() + duration_ns / 1e9
     with Bridge(path, options) as bridge:
         where = "on this machine" if here_only else "in its network"
-        echo(f"domain {options.domain} {where}: {', '.join(bridge.topics)}; Ctrl-C ends it")
+        how = f" by rclpy of {os.environ.get('ROS_DISTRO', 'ROS 2')}" if options.by_rclpy else ""
+        echo(f"domain {options.domain} {where}{how}: {', '.join(bridge.topics)}; Ctrl-C ends it")
         if bridge.control is not None:
             echo(
                 f"every node there may set outputs (role here: {bridge.control.access}); no "
@@ -140,5 +143,7 @@ def command(
             )
         while not stop.is_set() and (until is None or time.monotonic() < until):
             bridge.look(stop)
+            for topic, instead in bridge.left_out():
+                echo(f"{topic} is left out: this ROS 2 has {instead}")
     if bridge.recording is not None:
         echo(f"{options.record}: {counted(bridge.recording.messages, 'message')}")

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import importlib
 import threading
 import time
 from collections.abc import Iterable
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.live.attachment import Attachment, BusView
@@ -40,6 +41,9 @@ from fsoe_net.ros2.objects import ObjectServices
 from fsoe_net.ros2.recording import McapFile
 from fsoe_net.ros2.values import Joint, SignalTopic, find_joints, signal_topics
 
+if TYPE_CHECKING:
+    from fsoe_net.ros2.rclpy_node import RclpyNode
+
 LOOK_S = 0.25
 """Interval for reading the state of the bus and publishing ``/diagnostics``."""
 _AGAIN_S = 1.0  # an unchanged value is published at this interval
@@ -51,7 +55,7 @@ class BridgeOptions:
 
     ``rate_hz``: rate of joints, and of values that change. ``joints``: whether to publish joints.
     ``namespace``: prefix of all topics except ``/diagnostics``, such as ``/left``. ``record``: MCAP
-    file for all published messages; it is replaced.
+    file for all published messages; it is replaced. ``by_rclpy``: as a node of the installed ROS 2.
     """
 
     name: str
@@ -62,6 +66,7 @@ class BridgeOptions:
     joints: bool = True
     namespace: str = ""
     record: str | None = None
+    by_rclpy: bool = False
 
 
 class Bridge:
@@ -85,6 +90,7 @@ class Bridge:
         self._joint_topic = f"{options.namespace}/joint_states"
         self._joints: tuple[Joint, ...] = ()
         self._yields = False
+        self._told = 0
         self.control: NodeControl | None = None
         self.recording: McapFile | None = None
         # A half-open bridge would keep its threads alive.
@@ -97,7 +103,7 @@ class Bridge:
             if options.record is not None:
                 self.recording = McapFile(options.record)
                 opened.callback(self.recording.close)
-            self._node = Node(options.domain, here_only=options.here_only, recording=self.recording)
+            self._node = _open_node(options, self.recording)
             opened.callback(self._node.close)
             if self.control is not None:
                 self._serve(self.control)
@@ -111,6 +117,12 @@ class Bridge:
         """Published topics; the last one is the prefix of values and services."""
         joints = (self._joint_topic,) if self._options.joints else ()
         return ("/diagnostics", *joints, self._prefix)
+
+    def left_out(self) -> list[tuple[str, str]]:
+        """Return what was left out since the last call, and what ROS has instead of its type."""
+        rows = list(self._node.missing.items())[self._told :]
+        self._told += len(rows)
+        return rows
 
     def __enter__(self) -> Bridge:
         return self
@@ -161,7 +173,10 @@ class Bridge:
             found.append(joint_status(self._joints, self._joint_topic, yields=self._yields))
         if self.control is not None:
             waiting = self._node.offer_services()
-            found.append(self.control.status(self._node.unreadable, self._node.unanswered, waiting))
+            node = self._node
+            found.append(
+                self.control.status(node.answers, node.unreadable, node.unanswered, waiting)
+            )
         now = header()
         hardware = self._path if view.status is None else view.status.interface or self._path
         self._node.publish("/diagnostics", self._array(found, now, hardware))
@@ -262,6 +277,29 @@ class Bridge:
         assert self.control is not None  # noqa: S101 - it is served only then
         results = self.control.set_parameters(self._settable, request, who)
         return ([ParameterResult(done, legal_text(text)) for done, text in results],)
+
+
+def has_rclpy() -> bool:
+    """Return whether ROS 2 is installed for this Python and its environment was set up."""
+    try:
+        importlib.import_module("rclpy")
+    except ImportError:  # absent, or of another Python
+        return False
+    return True
+
+
+def _open_node(options: BridgeOptions, recording: McapFile | None) -> Node | RclpyNode:
+    if not options.by_rclpy:
+        return Node(options.domain, here_only=options.here_only, recording=recording)
+    from fsoe_net.ros2.rclpy_node import RclpyNode
+
+    return RclpyNode(
+        options.name,
+        namespace=options.namespace,
+        domain=options.domain,
+        here_only=options.here_only,
+        recording=recording,
+    )
 
 
 class _Shown:

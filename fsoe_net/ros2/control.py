@@ -28,8 +28,6 @@ _MOVES_BY_NAME = frozenset({"control_word", "controlword", "position", "velocity
 _IDLE_S = 10.0
 _MOST_SENDERS = 8  # of the 64 clients of fsn-master
 _LONGEST_NAME = 100  # that is repeated in a message
-ANSWERED = "RMW_IMPLEMENTATION=rmw_cyclonedds_cpp"
-"""The implementation of ROS 2 whose callers a service can answer."""
 _MOST_AT_ONCE = 256  # parameters of a request; no other request is served in the meantime
 
 
@@ -152,11 +150,16 @@ class NodeControl:
         return partial(self._request, word, requests[word])
 
     def status(
-        self, unreadable: int = 0, unanswered: int = 0, waiting: Sequence[str] = ()
+        self,
+        answered: str,
+        unreadable: int = 0,
+        unanswered: int = 0,
+        waiting: Sequence[str] = (),
     ) -> RosStatus:
         """Return completed and refused requests.
 
         Args:
+            answered: Callers that services can answer.
             unreadable: Number of messages that could not be read.
             unanswered: Number of requests from callers that cannot be answered.
             waiting: Services that have callers which cannot be answered.
@@ -167,12 +170,12 @@ class NodeControl:
             ("refused", str(self._refused)),
             ("last refusal", self._last),
             ("unreadable", str(unreadable)),
-            ("services answer", f"callers with {ANSWERED}"),
+            ("services answer", answered),
             ("not answered", str(unanswered)),
         )
         faults = [f"refused: {self._last}"] if self._refused else []
         if waiting:
-            faults.append(f"callers of {', '.join(waiting)} need {ANSWERED}")
+            faults.append(f"callers of {', '.join(waiting)} need {answered}")
         return RosStatus(
             level=RosLevel.WARN if faults else RosLevel.OK,
             name="control",

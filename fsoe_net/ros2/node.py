@@ -14,9 +14,10 @@ from __future__ import annotations
 import queue
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
+from types import MappingProxyType
 from typing import Any, TypeVar
 from uuid import UUID
 
@@ -104,6 +105,10 @@ class Node:
     Raises:
         EnvironmentFault: The network is missing, or no port of the domain is free.
     """
+
+    answers = "RMW_IMPLEMENTATION=rmw_cyclonedds_cpp"
+    """The callers that a service can answer."""
+    missing: Mapping[str, str] = MappingProxyType({})  # it has its types itself
 
     def __init__(self, domain: int, *, here_only: bool, recording: McapFile | None = None) -> None:
         self.unsent = self.unreadable = self.unanswered = 0

@@ -4,6 +4,9 @@ rclpy_peer.py listen TOPIC TYPE     prints each message as JSON
 rclpy_peer.py send TOPIC TYPE       publishes each line of its input, a value of ``data``
 rclpy_peer.py call SERVICE          for each line of its input: whether the service is there, and
                                     whether it has answered; it waits a second for each
+rclpy_peer.py set SERVICE           for each line of its input, name and value of a bool: sets it as
+                                    a parameter, and prints whether that was done, and a reason
+rclpy_peer.py nodes                 for each line of its input: the names of all nodes
 """
 
 import importlib
@@ -11,6 +14,8 @@ import json
 import sys
 
 import rclpy
+from rcl_interfaces.msg import Parameter, ParameterValue
+from rcl_interfaces.srv import SetParameters
 from std_srvs.srv import Trigger
 
 WAIT_S = 1.0
@@ -59,7 +64,23 @@ def call(node, service):
         write([there, reply is not None and reply.done()])
 
 
+def set_parameters(node, service):
+    client = node.create_client(SetParameters, service)
+    client.wait_for_service()
+    for line in sys.stdin:
+        name, value = json.loads(line)
+        wanted = Parameter(name=name, value=ParameterValue(type=1, bool_value=value))
+        reply = client.call_async(SetParameters.Request(parameters=[wanted]))
+        rclpy.spin_until_future_complete(node, reply)
+        write(plain(reply.result().results))
+
+
+def nodes(node):
+    for _ in sys.stdin:
+        write(node.get_node_names())
+
+
 rclpy.init()
-{"listen": listen, "send": send, "call": call}[sys.argv[1]](
+{"listen": listen, "send": send, "call": call, "set": set_parameters, "nodes": nodes}[sys.argv[1]](
     rclpy.create_node(f"peer_{sys.argv[1]}"), *sys.argv[2:]
 )

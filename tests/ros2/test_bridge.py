@@ -544,8 +544,8 @@ def test_processes_have_clients_of_their_own(monkeypatch: pytest.MonkeyPatch) ->
         send = SIGNALS[SignalKind.UNSIGNED]
         for number in range(control._MOST_SENDERS + 1):
             acting.set_output(topic, send(number), f"process {number}")
-        assert dict(acting.status().values)["outputs set"] == str(control._MOST_SENDERS)
-        assert acting.status().message == "refused: more than 8 processes set outputs"
+        assert dict(acting.status("").values)["outputs set"] == str(control._MOST_SENDERS)
+        assert acting.status("").message == "refused: more than 8 processes set outputs"
         assert master.outputs["drive_1.0x6040:00"] == control._MOST_SENDERS - 1
         later_s = time.monotonic() + control._IDLE_S - 1.0
         monkeypatch.setattr(control, "time", SimpleNamespace(monotonic=lambda: later_s))

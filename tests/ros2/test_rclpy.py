@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import os
 import subprocess
+import sysconfig
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
 
@@ -14,15 +16,24 @@ import pytest
 from master.rig import Master
 from master.rig import running as master_running
 from ros2.caller import Caller
-from ros2.rig import bridged
+from ros2.rig import ROOT, bridged, own_domain
 from tied import tied
+
+from fsoe_net.ros2.bridge import LOOK_S
 
 PYTHON = os.environ.get("FSN_ROS2_PYTHON")
 LAMP = "el2904.standard_1"
 LAMP_TOPIC = "/cell/outputs/el2904/standard_1"
 BOOL = "std_msgs/msg/Bool"
+INT = "std_msgs/msg/Int64"
 ARRAY = "diagnostic_msgs/msg/DiagnosticArray"
 NEED = "callers of /cell/stop need RMW_IMPLEMENTATION=rmw_cyclonedds_cpp"
+
+RMW = {
+    "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+    "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp",
+    "ROS_DISTRO": "jazzy",
+}
 
 pytestmark = pytest.mark.skipif(PYTHON is None, reason="needs rclpy: scripts/rig/ros2")
 
@@ -32,11 +43,7 @@ class Node:
 
     def __init__(self, domain: int, *words: str) -> None:
         assert PYTHON is not None
-        environment = os.environ | {
-            "ROS_DOMAIN_ID": str(domain),
-            "ROS_LOCALHOST_ONLY": "1",
-            "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp",
-        }
+        environment = os.environ | RMW | {"ROS_DOMAIN_ID": str(domain)}
         self.process = subprocess.Popen(
             tied(PYTHON, str(Path(__file__).with_name("rclpy_peer.py")), *words),
             stdin=subprocess.PIPE,
@@ -52,6 +59,10 @@ class Node:
     def write(self, value: object) -> None:
         self.stdin.write(json.dumps(value) + "\n")
         self.stdin.flush()
+
+    def ask(self, value: object = None) -> Any:
+        self.write(value)
+        return next(self.messages())
 
     def messages(self) -> Iterator[Any]:
         for line in self.stdout:
@@ -120,3 +131,78 @@ def test_a_service_is_not_available_to_a_caller_that_cannot_be_answered(robot: M
         del caller
         with robot.client() as client:
             assert client.good("status")["state"] == "running"  # its request was not executed
+
+
+@contextmanager
+def by_rclpy(robot: Master, *words: str, first: str = "") -> Iterator[tuple[int, list[str]]]:
+    """`fsoe-net ros2` in the Python that has rclpy, after what it does first.
+
+    Yields the domain and what it has printed.
+    """
+    assert PYTHON is not None
+    paths = (str(ROOT), sysconfig.get_path("platlib"))
+    with own_domain() as domain:
+        code = f"{first}\nfrom fsoe_net.cli.main import cli\ncli()"
+        command = ("-c", code, "ros2", "--socket", str(robot.path), "--name", "cell")
+        process = subprocess.Popen(
+            tied(PYTHON, *command, "--localhost", "--domain", str(domain), *words),
+            stdout=subprocess.PIPE,
+            text=True,
+            env=os.environ | RMW | {"PYTHONPATH": os.pathsep.join(paths), "PYTHONUNBUFFERED": "1"},
+        )
+        assert process.stdout is not None
+        printed = [process.stdout.readline()]
+        try:
+            yield domain, printed
+        finally:
+            process.terminate()
+            printed += process.communicate()[0].splitlines()
+        assert process.returncode == 0
+
+
+def test_with_ros_it_is_a_node_that_ros_lists(robot: Master) -> None:
+    with by_rclpy(robot) as (domain, printed):
+        with Node(domain, "nodes") as node:
+            while "cell" not in node.ask():
+                pass
+        with Node(domain, "listen", "/diagnostics", ARRAY) as node:
+            rows = {row["name"]: row for row in next(node.messages())["status"]}
+        assert {"cell: bus", "cell: SubDevice drive_1"} <= rows.keys()
+        with Node(domain, "listen", LAMP_TOPIC, BOOL) as node:
+            assert next(node.messages()) == {"data": False}
+    assert "by rclpy of jazzy" in printed[0]
+    # The wheels have no control_msgs.
+    assert [line.split()[0] for line in printed[1:]] == ["/cell/hardware_status"]
+    assert printed[1].endswith("no control_msgs/msg/HardwareStatus")
+
+
+def test_with_ros_nodes_of_any_rmw_control_it(robot: Master) -> None:
+    with by_rclpy(robot, "--allow-control") as (domain, printed):
+        with robot.client() as reader, Node(domain, "send", f"{LAMP_TOPIC}/set", BOOL) as node:
+            while not reader.value(LAMP):
+                node.write(value=True)
+                time.sleep(0.05)
+        with Node(domain, "set", "/cell/set_parameters") as node:
+            assert node.ask([LAMP, True]) == [{"successful": True, "reason": ""}]
+            (row,) = node.ask(["el2904.nothing", True])
+            assert not row["successful"]
+            assert row["reason"]
+        with robot.client() as reader, Node(domain, "call", "/cell/stop") as node:
+            while node.ask() != [True, True]:
+                pass
+            assert reader.good("status")["state"] != "running"
+        with robot.client() as reader, Node(domain, "call", "/cell/start") as node:
+            while node.ask() != [True, True]:
+                pass
+    left = {line.split()[0] for line in printed[1:] if "is left out" in line}
+    assert left == {"/cell/hardware_status", "/cell/get_sdo", "/cell/set_sdo"}
+
+
+def test_with_ros_a_type_of_another_version_is_left_out(robot: Master) -> None:
+    other = "import fsoe_net.ros2.messages as m; m.HASHES[m.SIGNALS[m.SignalKind.BOOL]] = '00' * 32"
+    with by_rclpy(robot, first=other) as (domain, printed):
+        with Node(domain, "listen", "/cell/outputs/drive_1/position", INT) as node:
+            next(node.messages())
+        time.sleep(2 * LOOK_S)
+    left = {line.split()[0]: line for line in printed if "is left out" in line}
+    assert left[LAMP_TOPIC].endswith(f"another version of {BOOL}")
