@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import math
 import queue
 import re
@@ -25,7 +26,7 @@ from networks import EXAMPLES
 from patience import PATIENCE_S
 from ros2.caller import Caller
 from ros2.found import Found
-from ros2.rig import Peer, bridged, needed, own_domain, typestore
+from ros2.rig import ROOT, Peer, bridged, needed, own_domain, typestore
 
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.ros2 import control, messages, node, objects
@@ -38,6 +39,7 @@ STORE = typestore()
 ARRAY = "diagnostic_msgs::msg::dds_::DiagnosticArray_"
 JOINTS = "sensor_msgs::msg::dds_::JointState_"
 BOOL = "std_msgs::msg::dds_::Bool_"
+UINT64 = "std_msgs::msg::dds_::UInt64_"
 HARDWARE = "control_msgs::msg::dds_::HardwareStatus_"
 LAMP = "el2904.standard_1"
 LAMP_TOPIC = "rt/cell/outputs/el2904/standard_1"
@@ -583,6 +585,43 @@ def test_a_recording_opens_elsewhere_and_holds_what_was_sent(robot: Master, tmp_
         found = STORE.deserialize_cdr(message.data, schema.name)
         if channel.topic == "/joint_states":
             assert not math.isnan(found.position[0])
+
+
+def _at(path: str, message: Any) -> list[Any]:
+    """Return what a path of Foxglove finds in a message: fields, rows, rows of a name."""
+    found = [message]
+    for field, name in re.findall(r"(\w+)(?:\[:\])?(?:\{name==\"(.*?)\"\})?", path):
+        found = [getattr(value, field) for value in found]
+        if name:
+            found = [row for rows in found for row in rows if row.name == name]
+    return found
+
+
+def test_each_panel_of_the_layout_finds_its_data(tmp_path: Path) -> None:
+    """`ros/fsoe_net_ros/config/foxglove.json`, and a recording of `examples/robot-cell`."""
+    needed("mcap", "ros2")
+    from mcap.reader import make_reader
+
+    layout = json.loads((ROOT / "ros/fsoe_net_ros/config/foxglove.json").read_text("utf-8"))
+    recorded = tmp_path / "run.mcap"
+    with (
+        master_running(name="robot-cell") as cell,
+        bridged(cell.path, name="fsoe_net", record=str(recorded)) as domain,
+        Peer("listen", domain, "rt/fsoe_net/inputs/axis_2/error_code", UINT64, 3) as peer,
+    ):
+        list(peer.payloads())
+    with open(recorded, "rb") as file:
+        last = {c.topic: (s.name, m.data) for s, c, m in make_reader(file).iter_messages()}
+    panels = layout["configById"]
+    paths = [row["value"] for panel in panels.values() for row in panel.get("paths", ())]
+    assert len(paths) == 12
+    for path in paths:
+        topic, _, fields = path.partition(".")
+        name, data = last[topic]
+        assert len(_at(fields, STORE.deserialize_cdr(data, name))) == 1, path
+    assert {panel.get("topicToRender", "/diagnostics") for panel in panels.values()} <= last.keys()
+    shown = re.findall(r'"(?:first|second)": "(.*?)"', json.dumps(layout["layout"]))
+    assert sorted(shown) == sorted(panels)
 
 
 def test_a_program_that_reads_bags_reads_it(robot: Master, tmp_path: Path) -> None:
