@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import re
+import shlex
 import subprocess
 import sysconfig
 import time
@@ -15,6 +17,7 @@ from typing import IO, Any
 import pytest
 from master.rig import Master
 from master.rig import running as master_running
+from networks import EXAMPLES
 from ros2.caller import Caller
 from ros2.rig import ROOT, bridged, own_domain
 from tied import tied
@@ -134,7 +137,9 @@ def test_a_service_is_not_available_to_a_caller_that_cannot_be_answered(robot: M
 
 
 @contextmanager
-def by_rclpy(robot: Master, *words: str, first: str = "") -> Iterator[tuple[int, list[str]]]:
+def by_rclpy(
+    robot: Master, *words: str, first: str = "", name: str = "cell"
+) -> Iterator[tuple[int, list[str]]]:
     """`fsoe-net ros2` in the Python that has rclpy, after what it does first.
 
     Yields the domain and what it has printed.
@@ -143,7 +148,7 @@ def by_rclpy(robot: Master, *words: str, first: str = "") -> Iterator[tuple[int,
     paths = (str(ROOT), sysconfig.get_path("platlib"))
     with own_domain() as domain:
         code = f"{first}\nfrom fsoe_net.cli.main import cli\ncli()"
-        command = ("-c", code, "ros2", "--socket", str(robot.path), "--name", "cell")
+        command = ("-c", code, "ros2", "--socket", str(robot.path), "--name", name)
         process = subprocess.Popen(
             tied(PYTHON, *command, "--localhost", "--domain", str(domain), *words),
             stdout=subprocess.PIPE,
@@ -206,3 +211,52 @@ def test_with_ros_a_type_of_another_version_is_left_out(robot: Master) -> None:
         time.sleep(2 * LOOK_S)
     left = {line.split()[0]: line for line in printed if "is left out" in line}
     assert left[LAMP_TOPIC].endswith(f"another version of {BOOL}")
+
+
+PAGE = (ROOT / "docs" / "reference" / "ether-ros.md").read_text("utf-8")
+
+
+@pytest.fixture
+def legs() -> Iterator[Master]:
+    with master_running(network=EXAMPLES / "legs" / "network.yaml") as master:
+        yield master
+
+
+@contextmanager
+def by_dds(legs: Master) -> Iterator[tuple[int, list[str]]]:
+    with bridged(legs.path, allow_control=True, name="fsoe_net") as domain:
+        yield domain, []
+
+
+@pytest.mark.parametrize("has_ros", [False, True], ids=["by DDS", "by rclpy"])
+def test_the_commands_of_ros_do_what_a_page_states(legs: Master, has_ros: bool) -> None:
+    """`ros2` of ROS itself, as docs/reference/ether-ros.md calls it."""
+    assert PYTHON is not None
+    tool = Path(PYTHON).with_name("ros2")
+    if not tool.exists():
+        pytest.skip("needs the command ros2 next to this Python")
+    echo, send, stop, start = re.findall(r"^ros2 (.*)$", PAGE, re.MULTILINE)
+    running = by_rclpy(legs, "--allow-control", name="fsoe_net") if has_ros else by_dds(legs)
+    with running as (domain, _):
+        environment = os.environ | RMW | {"ROS_DOMAIN_ID": str(domain)}
+
+        def ros2(words: str) -> str:
+            command = tied(PYTHON, str(tool), *shlex.split(words))
+            done = subprocess.run(
+                command, env=environment, check=True, capture_output=True, text=True
+            )
+            return done.stdout
+
+        assert ros2(f"{echo} std_msgs/msg/Int64 --once --no-daemon").startswith("data: 0\n")
+        sender = subprocess.Popen(tied(PYTHON, str(tool), *shlex.split(send)), env=environment)
+        with legs.client() as client:
+            client.wait_for("front_left_leg.kp_100_knee", 5)
+            sender.kill()
+            sender.wait()
+            client.wait_for("front_left_leg.kp_100_knee", 0)
+        # Without its daemon it looks for half a second.
+        while has_ros and "/fsoe_net" not in ros2("node list --no-daemon").split():
+            pass
+        if has_ros:  # this rmw is one whose callers Cyclone DDS cannot answer
+            assert "success=True" in ros2(f"service call {stop.split(maxsplit=2)[2]}")
+            assert "success=True" in ros2(f"service call {start.split(maxsplit=2)[2]}")
