@@ -81,12 +81,7 @@ def command(
         _show(_read(files), image, fmt)
         return
     check_target(output, overwrite=overwrite, stdout=True)
-    checked = check_files(files, loading)
-    resolution = whole_network(checked, "no plan written")
-    warnings = [d for d in checked.diagnostics if d.level is Severity.WARNING]
-    # A plan is written despite warnings, so the warnings must be visible.
-    print_diagnostics(warnings, err=True)
-    plan = compile_plan(resolution)
+    plan = _compile(files, loading)
     if output is None:
         _show(plan, image, fmt)
         echo("not written; -o FILE writes it", err=True)
@@ -100,6 +95,16 @@ def command(
         # The plan itself may be on standard output.
         err=output == STDOUT,
     )
+
+
+def _compile(files: tuple[str, ...], loading: LoadOptions) -> Plan:
+    """Return the plan of a network; the network itself is freed before the plan is encoded."""
+    checked = check_files(files, loading)
+    resolution = whole_network(checked, "no plan written")
+    warnings = [d for d in checked.diagnostics if d.level is Severity.WARNING]
+    # A plan is written despite warnings, so the warnings must be visible.
+    print_diagnostics(warnings, err=True)
+    return compile_plan(resolution)
 
 
 def _read(files: tuple[str, ...]) -> Plan:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import struct
 import zlib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Sequence
 from dataclasses import fields
 from operator import attrgetter
 from typing import Any
@@ -93,12 +93,12 @@ def encode_plan(plan: Plan) -> bytes:
     """Return the bytes of a plan. Equal plans give equal bytes on every platform."""
     strings = _Strings()
     sections = _encode_sections(plan, strings)
-    buses = b"".join(_packed(BUS_RECORD, plan.buses, strings))
-    groups = b"".join(_packed(GROUP_RECORD, plan.groups, strings))
-    sections.append((bytes(strings.data), STRING_BYTES))
+    buses = _packed(BUS_RECORD, plan.buses, strings)
+    groups = _packed(GROUP_RECORD, plan.groups, strings)
+    sections.append((strings.data, STRING_BYTES))
     # Later sections require the earlier ones, because a reader counts them by number.
     if plan.safety_sha256 or buses or groups:
-        sections.append((bytes.fromhex(plan.safety_sha256), HASH_BYTES))
+        sections.append((bytearray.fromhex(plan.safety_sha256), HASH_BYTES))
     if buses or groups:
         sections.append((buses, BUS_RECORD.layout.size))
     if groups:
@@ -106,23 +106,25 @@ def encode_plan(plan: Plan) -> bytes:
     # The minor version is the number of added sections; old readers reject a plan that they would
     # misread.
     minor = len(sections) - SECTIONS
-    offset = _HEADER.size + len(sections) * _ROW.size
-    table, body = bytearray(), bytearray()
+    end = _HEADER.size + len(sections) * _ROW.size
+    table = bytearray()
     for kind, (data, size) in enumerate(sections, start=1):
-        # Aligned, so that C can read the records in place.
-        body += bytes(-len(body) % 4)
-        table += _ROW.pack(kind, offset + len(body), len(data) // size, size)
-        body += data
-    total = offset + len(body)
-    header = _HEADER.pack(MAGIC, MAJOR, minor, total, 0, plan.cycle_ns, len(sections), 0)
-    raw = bytearray(header + table + body)
-    # The CRC is computed with its own field as 0.
-    struct.pack_into("<I", raw, _CRC_OFFSET, zlib.crc32(raw))
-    return bytes(raw)
+        table += _ROW.pack(kind, end, len(data) // size, size)
+        # Aligned, so that C can read the records in place; the file ends with its last section.
+        if kind < len(sections):
+            data += bytes(-(end + len(data)) % 4)
+        end += len(data)
+    header = _HEADER.pack(MAGIC, MAJOR, minor, end, 0, plan.cycle_ns, len(sections), 0)
+    front = bytearray(header + table)
+    crc = 0  # computed with its own field as 0
+    for part in (front, *(data for data, _ in sections)):
+        crc = zlib.crc32(part, crc)
+    struct.pack_into("<I", front, _CRC_OFFSET, crc)
+    return b"".join((front, *(data for data, _ in sections)))
 
 
-def _encode_sections(plan: Plan, strings: _Strings) -> list[tuple[bytes, int]]:
-    tables: tuple[Iterable[object], ...] = (
+def _encode_sections(plan: Plan, strings: _Strings) -> list[tuple[bytearray, int]]:
+    tables: tuple[Sequence[object], ...] = (
         plan.subdevices,
         plan.sync_managers,
         plan.pdos,
@@ -133,25 +135,32 @@ def _encode_sections(plan: Plan, strings: _Strings) -> list[tuple[bytes, int]]:
         plan.copies,
         plan.connections,
     )
-    packed = (_packed(r, rows, strings) for r, rows in zip(RECORDS, tables, strict=True))
-    return [(b"".join(rows), r.layout.size) for r, rows in zip(RECORDS, packed, strict=True)]
+    return [
+        (_packed(record, rows, strings), record.layout.size)
+        for record, rows in zip(RECORDS, tables, strict=True)
+    ]
 
 
-def _packed(record: Record, rows: Iterable[object], strings: _Strings) -> Iterator[bytes]:
+def _packed(record: Record, rows: Sequence[object], strings: _Strings) -> bytearray:
     names = [field.name for field in record.named]
-    values_of: Callable[[Any], Iterable[Any]] = _VALUES.get(record.name, attrgetter(*names))
+    values_of: Callable[[Any], tuple[Any, ...]] = _VALUES.get(record.name, attrgetter(*names))
     texts = [n for n, field in enumerate(record.named) if field.type == "string"]
-    pack = record.layout.pack
-    # Thousands of SubDevices of one type have equal entries, which are packed once.
-    known: dict[object, bytes] = {}  # SubDevices of one type have equal entries
-    for row in rows:
-        packed = known.get(row)
-        if packed is None:
-            values = list(values_of(row))
+    layout = record.layout
+    # SubDevices of one type have equal entries, which are packed once.
+    if record.name == "entry":
+        known = {row: layout.pack(*values_of(row)) for row in dict.fromkeys(rows)}
+        return bytearray().join(map(known.__getitem__, rows))
+    # In place: a large bus has hundreds of thousands of rows, each of which would be an object.
+    data = bytearray(layout.size * len(rows))
+    for at, values in zip(range(0, len(data), layout.size), map(values_of, rows), strict=True):
+        if texts:
+            cells = list(values)
             for n in texts:
-                values[n] = strings.add(values[n])
-            packed = known[row] = pack(*values)
-        yield packed
+                cells[n] = strings.add(cells[n])
+            layout.pack_into(data, at, *cells)
+        else:
+            layout.pack_into(data, at, *values)
+    return data
 
 
 def _sdo_values(sdo: PlanSdo) -> tuple[int, ...]:

@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import accumulate
+from typing import TypeVar
 
 from fsoe_net.diag.pause import without_collector
 from fsoe_net.errors import InputError
@@ -38,6 +39,7 @@ from fsoe_net.plan.model import (
 
 _WATCHDOG = {Watchdog.DEFAULT: 0, Watchdog.ENABLE: 1, Watchdog.DISABLE: 2}
 _ANY_REVISION = (0, 0xFFFFFFFF)
+_Row = TypeVar("_Row")
 _SIGNED, _REAL = 2, 4
 _REAL_FORMAT = {32: "<f", 64: "<d"}
 
@@ -113,27 +115,29 @@ class _Compiler:
     shared: dict[tuple[int, int], _Shared] = field(default_factory=dict)
 
     def compile(self) -> Plan:
-        used = self._used()
         network = self.resolution.network
-        subdevices = [
-            self._subdevice(number, sub, used) for number, sub in enumerate(network.subdevices)
-        ]
+        subdevices = self._subdevices()
         copies, numbers = self._copies()
         return Plan(
             cycle_ns=network.cycle_ns or 0,
-            subdevices=tuple(subdevices),
-            sync_managers=tuple(self.sync_managers),
-            pdos=tuple(self.pdos),
-            entries=tuple(self.entries),
-            sdos=tuple(self.sdos),
-            symbols=tuple(self.symbols),
-            blocks=tuple(self.blocks),
+            subdevices=subdevices,
+            sync_managers=_taken(self.sync_managers),
+            pdos=_taken(self.pdos),
+            entries=_taken(self.entries),
+            sdos=_taken(self.sdos),
+            symbols=_taken(self.symbols),
+            blocks=_taken(self.blocks),
             copies=copies,
             connections=self._connections(numbers),
             safety_sha256=safety_sha256(network.safety_functions),
             buses=self._buses(),
             groups=self._groups(),
         )
+
+    def _subdevices(self) -> tuple[PlanSubDevice, ...]:
+        used = self._used()
+        rows = enumerate(self.resolution.network.subdevices)
+        return tuple(self._subdevice(number, sub, used) for number, sub in rows)
 
     def _groups(self) -> tuple[PlanGroup, ...]:
         network = self.resolution.network
@@ -334,15 +338,23 @@ class _Compiler:
                 sub=self.resolution.numbers[c.sub.name],
                 copy_to_sub=numbers[c.to_sub.number],
                 copy_to_main=numbers[c.to_main.number],
-                connection_id=c.stated.connection_id,
-                address=c.stated.address,
-                watchdog_ms=c.stated.watchdog_ms,
+                connection_id=stated.connection_id,
+                address=stated.address,
+                watchdog_ms=stated.watchdog_ms,
                 safe_to_sub=safe_data_length(c.to_sub.transfer.size_bytes),
                 safe_to_main=safe_data_length(c.to_main.transfer.size_bytes),
-                app_parameters=c.stated.app_parameters.hex(),
+                app_parameters=stated.app_parameters.hex(),
             )
             for c in self.resolution.connections
+            for stated in (c.stated,)  # created on each access if there are no facts
         )
+
+
+def _taken(rows: list[_Row]) -> tuple[_Row, ...]:
+    """Return the rows of a list, which is emptied, so that a large bus is not in memory twice."""
+    found = tuple(rows)
+    rows.clear()
+    return found
 
 
 def _shared_of(sub: SubDevice) -> Iterator[tuple[int, _Shared]]:

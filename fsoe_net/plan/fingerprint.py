@@ -12,6 +12,7 @@ import re
 import struct
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain, islice
 
 from fsoe_net.diag.pause import without_collector
 from fsoe_net.errors import PlanFormatError
@@ -25,6 +26,7 @@ SECTIONS = ("devices", "process_data", "copies", "connections", "cycle", "safety
 _PLAIN = frozenset(range(0x21, 0x7F)) - {ord("%")}
 _HASH = re.compile(r"[0-9a-fA-F]{64}")
 _BITS = struct.Struct("<d")
+_HASHED_LINES = 4096
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,7 +73,7 @@ def fingerprint_of(plan: Plan) -> Fingerprint:
         if name == "safety_functions" and plan.safety_sha256:
             hashes[name] = plan.safety_sha256
         else:
-            hashes[name] = _sha256(canonical_section(plan, name))
+            hashes[name] = _sha256(_section(plan, name))
     return fingerprint_of_sections(hashes)
 
 
@@ -83,7 +85,7 @@ def fingerprint_of_sections(sections: Mapping[str, str]) -> Fingerprint:
     """
     ordered = {name: sections[name].lower() for name in SECTIONS}
     lines = [FORM, *(f"{name} {ordered[name]}" for name in SECTIONS)]
-    return Fingerprint(whole=_sha256(_text(lines)), sections=ordered)
+    return Fingerprint(whole=_sha256(lines), sections=ordered)
 
 
 def fingerprint_from_json(document: object) -> Fingerprint:
@@ -115,7 +117,7 @@ def fingerprint_from_json(document: object) -> Fingerprint:
 
 def cycle_sha256(cycle_ns: int) -> str:
     """Return the hash of the section ``cycle`` for a bus cycle in ns, 0 if not stated."""
-    return _sha256(_text([f"{FORM} cycle", _cycle_line(cycle_ns)]))
+    return _sha256([f"{FORM} cycle", _cycle_line(cycle_ns)])
 
 
 def canonical_section(plan: Plan, name: str) -> str:
@@ -127,22 +129,29 @@ def canonical_section(plan: Plan, name: str) -> str:
     Raises:
         KeyError: Unknown section.
     """
-    return _text([f"{FORM} {name}", *_LINES[name](plan)])
+    return _text(_section(plan, name))
+
+
+def _section(plan: Plan, name: str) -> Iterator[str]:
+    return chain((f"{FORM} {name}",), _LINES[name](plan))
 
 
 def safety_text(functions: Sequence[SafetyFunction]) -> str:
     """Return the text of the section ``safety_functions``."""
-    lines = [f"{FORM} safety_functions"]
+    return _text(_safety(functions))
+
+
+def _safety(functions: Sequence[SafetyFunction]) -> Iterator[str]:
+    yield f"{FORM} safety_functions"
     # Sorted as bytes, because every language sorts bytes alike.
     for f in sorted(functions, key=lambda f: f.name.encode("utf-8")):
-        lines.append(
+        yield (
             f"function name={_word(f.name)} trigger={_word(f.trigger)} reaction={_word(f.reaction)}"
             f" reset={_word(f.reset)} modes={_word(f.modes)}"
             f" required_ms={_real(f.required_reaction_ms)} pl={f.pl or '-'} sil={_stated(f.sil)}"
         )
         for e in f.elements:
-            lines += _element(e)
-    return _text(lines)
+            yield from _element(e)
 
 
 def _element(e: SafetyElement) -> Iterator[str]:
@@ -159,15 +168,19 @@ def _element(e: SafetyElement) -> Iterator[str]:
 
 def safety_sha256(functions: Sequence[SafetyFunction]) -> str:
     """Return the hash of the section (hex) in a plan; empty without safety functions."""
-    return _sha256(safety_text(functions)) if functions else ""
+    return _sha256(_safety(functions)) if functions else ""
 
 
 def _text(lines: Iterable[str]) -> str:
     return "".join(f"{line}\n" for line in lines)
 
 
-def _sha256(text: str) -> str:
-    return hashlib.sha256(text.encode("ascii")).hexdigest()
+def _sha256(lines: Iterable[str]) -> str:
+    found, left = hashlib.sha256(), iter(lines)
+    # In parts: the text of a large bus takes more memory than its plan.
+    while part := _text(islice(left, _HASHED_LINES)):
+        found.update(part.encode("ascii"))
+    return found.hexdigest()
 
 
 def _word(text: str) -> str:

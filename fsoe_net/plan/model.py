@@ -21,8 +21,7 @@ if TYPE_CHECKING:
 NONE = 0xFFFFFFFF
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PlanSubDevice:
+class PlanSubDevice(NamedTuple):
     """One SubDevice; see the plan format for every field."""
 
     name: str
@@ -124,8 +123,7 @@ class PlanBlock(NamedTuple):
     copied: bool
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PlanCopy:
+class PlanCopy(NamedTuple):
     """One copy; ``kind`` 1 FSoE frame, 2 standard data; ``connection`` may be `NONE`."""
 
     source_sm: int
@@ -143,8 +141,7 @@ class PlanCopy:
         return self.bits // 8
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PlanConnection:
+class PlanConnection(NamedTuple):
     """One FSoE connection: a pair of copies; ``None`` for facts that are not stated.
 
     ``app_parameters``: hex digits, empty if not stated.

@@ -124,10 +124,10 @@ def plan_json(plan: Plan) -> dict[str, object]:
         "sha256": hashlib.sha256(plan.to_bytes()).hexdigest(),
         "fingerprint": fingerprint_of(plan).to_json(),
         "cycle_ns": plan.cycle_ns,
-        "subdevices": [asdict(s) for s in plan.subdevices],
+        "subdevices": [s._asdict() for s in plan.subdevices],
         "sync_managers": [s._asdict() | {"size_bytes": s.size_bytes} for s in plan.sync_managers],
         "connections": [
-            asdict(c) | {"main": plan.subdevices[c.main].name, "sub": plan.subdevices[c.sub].name}
+            c._asdict() | {"main": plan.subdevices[c.main].name, "sub": plan.subdevices[c.sub].name}
             for c in plan.connections
         ],
         "copies": [

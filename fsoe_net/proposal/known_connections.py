@@ -218,7 +218,7 @@ def _take(link: CopyLink, row: DescribedConnection, path: str) -> None:
 
 
 def _marked(row: DescribedConnection, path: str) -> DescribedConnection:
-    return row if row.span.file else replace(row, span=replace(row.span, file=path or "?"))
+    return row if row.span.file else replace(row, span=row.span._replace(file=path or "?"))
 
 
 def _where(row: DescribedConnection, path: str) -> str:

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import gc
 from pathlib import Path
 
 import pytest
 import yaml
 
 from fsoe_net.diag.diagnostic import Span
+from fsoe_net.formats.own.network import load_network
 from fsoe_net.formats.shared import yaml_events
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.yaml_tree import MapNode, Node, ScalarNode, parse_yaml
 
 ROOT = Path(__file__).parents[2]
+ESTOP = ROOT / "examples" / "estop" / "network.yaml"
 FILES = sorted(
     path
     for folder in ("examples", "fsoe_net/devices", "tests/diagnostics")
@@ -145,3 +148,20 @@ def test_a_forgotten_dash_is_named(text: str, code: str, hint: str):
     out = Collector()
     parse_yaml(text.encode(), "f.yaml", out)
     assert [(d.code, d.hint) for d in out.diagnostics] == [(code, hint)]
+
+
+def test_a_network_keeps_the_places_of_its_values_without_their_nodes():
+    """The tree of the largest bus would take as much memory as all the rest."""
+    gc.collect()
+    before = sum(isinstance(item, MapNode) for item in gc.get_objects())
+    network = load_network([ESTOP]).network
+    gc.collect()
+    assert network is not None
+    assert sum(isinstance(item, MapNode) for item in gc.get_objects()) == before
+    lines = ESTOP.read_text("utf-8").splitlines()
+    transfer = network.nets[0].transfers[0]
+    for key, word in (("size", str(transfer.size_bytes)), ("in", "{"), ("out", "{")):
+        place = transfer.at(key)
+        assert lines[place.line - 1][place.column - 1 :].startswith(word)
+    assert transfer.at("kind") == transfer.span
+    assert "kind" not in transfer.fields

@@ -58,8 +58,8 @@ def test_the_order_of_connections_is_nobodys_slot():
     (net,) = network.nets
     turned = replace(network, nets=(replace(net, connections=net.connections[::-1]),))
     copies = compile_plan(resolve(turned)).copies
-    assert [replace(c, connection=0) for c in copies] == [
-        replace(c, connection=0) for c in compile_plan(long).copies
+    assert [c._replace(connection=0) for c in copies] == [
+        c._replace(connection=0) for c in compile_plan(long).copies
     ]
 
 

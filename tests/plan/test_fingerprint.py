@@ -12,7 +12,7 @@ import pytest
 from core.rig import load
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from networks import PLAIN, example, resolved
+from networks import PLAIN, example, resolved, write_big_network
 
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.errors import PlanFormatError
@@ -84,6 +84,14 @@ def test_it_can_be_recomputed_from_the_documented_text() -> None:
     ]
 
 
+def test_text_that_is_hashed_in_parts_has_the_hash_of_the_whole_text(tmp_path: Path) -> None:
+    plan = compile_plan(resolved(write_big_network(tmp_path, 424, 400)))
+    text = canonical_section(plan, "process_data")
+    assert text.count("\n") > 8192
+    whole = hashlib.sha256(text.encode()).hexdigest()
+    assert fingerprint_of(plan).sections["process_data"] == whole
+
+
 # -- what changes it, and where -------------------------------------------------------------------
 
 Change = Callable[[Plan], Plan]
@@ -105,7 +113,7 @@ def one(table: str, number: int = 0, **changes: object) -> Change:
 
 def with_sdos(plan: Plan) -> Plan:
     """Give the last SubDevice two start-up SDOs."""
-    last = replace(plan.subdevices[-1], first_sdo=0, sdo_count=2)
+    last = plan.subdevices[-1]._replace(first_sdo=0, sdo_count=2)
     sdos = (
         PlanSdo(index=0x8000, subindex=1, size_bytes=2, value=-1),
         PlanSdo(index=0x8000, subindex=2, size_bytes=4, value=7),
@@ -207,7 +215,7 @@ def test_numbers_of_connections_change_nothing() -> None:
         plan,
         connections=plan.connections[::-1],
         copies=tuple(
-            replace(c, connection=last - c.connection) if c.connection <= last else c
+            c._replace(connection=last - c.connection) if c.connection <= last else c
             for c in plan.copies
         ),
     )
@@ -429,8 +437,7 @@ def plans(draw: st.DrawFn) -> Plan:
     text = st.text(st.characters(exclude_categories=["C", "Z"]), max_size=9)
     stated = st.none() | u16
     subdevices = tuple(
-        replace(
-            s,
+        s._replace(
             name=draw(text),
             alias=draw(u16),
             position=draw(u16),
@@ -452,8 +459,7 @@ def plans(draw: st.DrawFn) -> Plan:
         for n, s in enumerate(plan.symbols[:4])
     )
     connections = tuple(
-        replace(
-            c,
+        c._replace(
             connection_id=draw(stated),
             address=draw(stated),
             watchdog_ms=draw(stated),
@@ -468,7 +474,7 @@ def plans(draw: st.DrawFn) -> Plan:
         sdos=sdos,
         symbols=tuple(draw(st.permutations(symbols))),
         connections=connections,
-        copies=tuple(replace(c, net=draw(text)) for c in plan.copies),
+        copies=tuple(c._replace(net=draw(text)) for c in plan.copies),
         safety_sha256=draw(st.sampled_from(["", "5a" * 32])),
     )
 

@@ -51,7 +51,7 @@ def test_decode_is_the_inverse(name: str):
 def test_the_value_of_an_sdo_has_64_bits_with_or_without_a_sign(value: int, back: int):
     plan = compile_plan(example("estop"))
     first, *others = plan.subdevices
-    last = replace(others[-1], first_sdo=0, sdo_count=1)
+    last = others[-1]._replace(first_sdo=0, sdo_count=1)
     sdo = PlanSdo(index=0x8000, subindex=1, size_bytes=8, value=value)
     plan = replace(plan, subdevices=(first, *others[:-1], last), sdos=(sdo,))
     data = plan.to_bytes()
@@ -299,7 +299,7 @@ def test_a_stated_revision_is_the_only_one_accepted(tmp_path):
 @pytest.mark.parametrize("digits", ["0", "0g", "0A", "00 00", "00" * 4097])
 def test_application_parameters_are_pairs_of_hex_digits(digits):
     plan = compile_plan(example("estop"))
-    row = replace(plan.connections[0], app_parameters=digits)
+    row = plan.connections[0]._replace(app_parameters=digits)
     data = replace(plan, connections=(row,)).to_bytes()
     with pytest.raises(PlanFormatError, match="application parameters that are not pairs of hex"):
         decode_plan(data)
@@ -312,5 +312,5 @@ def test_application_parameters_are_pairs_of_hex_digits(digits):
 
 def test_a_copy_of_standard_data_is_shown_without_a_connection():
     plan = compile_plan(example("el6910"))
-    copy = replace(plan.copies[0], connection=NONE, kind=2)
+    copy = plan.copies[0]._replace(connection=NONE, kind=2)
     assert "standard data" in plan_text(replace(plan, copies=(copy, *plan.copies[1:])))

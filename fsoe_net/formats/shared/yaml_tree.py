@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import os
 import re
+from array import array
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from itertools import islice
 from typing import Any
 
@@ -52,12 +54,17 @@ class SeqNode(MarkedNode):
     items: list[Node] = field(default_factory=list)
 
 
+def _no_places() -> array[int]:
+    return array("Q")
+
+
 @dataclass(slots=True, eq=False)
 class MapNode(MarkedNode):
     """A map. Keys are scalars; of a repeated key the first one counts, as in yaml-cpp."""
 
     pairs: dict[str, Node] = field(default_factory=dict)
-    key_places: list[int] = field(default_factory=list)  # in the order of ``pairs``
+    # In the order of ``pairs``; as numbers in place, because each of millions would be an object.
+    key_places: array[int] = field(default_factory=_no_places)
     _spans: dict[str, Span] | None = None  # of the keys, created on the first request
 
     @property
@@ -89,7 +96,7 @@ class MapNode(MarkedNode):
 
     def places(self) -> Places:
         """Return the place of every value, for `fsoe_net.model.Located.fields`."""
-        return Places(self.pairs)
+        return Places(self.file, self.pairs)
 
     def maps(self, key: str) -> list[MapNode]:
         """Return the maps in the list under a key; empty if it is not a list."""
@@ -112,24 +119,38 @@ Node = ScalarNode | SeqNode | MapNode
 
 
 class Places(Mapping[str, Span]):
-    """The place of each value of a map, created on request: most are never needed."""
+    """The place of each value of a map, created on request: most are never needed.
 
-    __slots__ = ("_pairs",)
+    It refers to no node, so that the tree is freed when its values have been read.
+    """
 
-    def __init__(self, pairs: dict[str, Node]) -> None:
-        self._pairs = pairs
+    __slots__ = ("_file", "_keys", "_places")
+
+    def __init__(self, file: str, pairs: Mapping[str, Node]) -> None:
+        self._file = file
+        self._keys = _shared_keys(tuple(pairs))
+        self._places = array("Q", [node.place for node in pairs.values()])
 
     def __getitem__(self, key: str) -> Span:
-        return self._pairs[key].span
+        try:
+            return span_of(self._file, self._places[self._keys.index(key)])
+        except ValueError:
+            raise KeyError(key) from None
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._pairs)
+        return iter(self._keys)
 
     def __len__(self) -> int:
-        return len(self._pairs)
+        return len(self._keys)
 
     def __or__(self, other: Mapping[str, Span]) -> dict[str, Span]:
         return {**self, **other}
+
+
+@lru_cache(maxsize=1024)
+def _shared_keys(keys: tuple[str, ...]) -> tuple[str, ...]:
+    """Return one object for equal keys: thousands of maps have the same ones."""
+    return keys
 
 
 def load_yaml(
