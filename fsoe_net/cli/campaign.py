@@ -59,6 +59,11 @@ from fsoe_net.simulate.device_logic import device_factory, stdout_to_stderr
     "--jobs", type=click.IntRange(1, 1024), help="Number of processes. Default: one per core."
 )
 @click.option(
+    "--cluster",
+    metavar="ADDRESS",
+    help="Run on the workers of this Dask scheduler, e.g. tcp://10.0.0.1:8786.",
+)
+@click.option(
     "--sub", metavar="MODULE:FACTORY", help="Use your SubInstance instead of the built-in one."
 )
 @click.option(
@@ -92,6 +97,7 @@ def command(
     seed: int,
     connection: str | None,
     jobs: int | None,
+    cluster: str | None,
     sub: str | None,
     main: str | None,
     is_replay: bool,
@@ -110,6 +116,8 @@ def command(
         if fmt == "markdown" or not files:
             raise click.UsageError("--replay takes recordings (*.jsonl), and prints text or JSON")
         ctx.exit(print_replay(files, fmt))
+    if cluster is not None and jobs is not None:
+        raise click.UsageError("--jobs are processes of this machine: leave it out with --cluster")
     checked = check_files(files, loading)
     resolution = whole_network(checked, "no fault put in")
     check_target(output, overwrite=overwrite, stdout=True)  # written hours later
@@ -128,7 +136,9 @@ def command(
         config = CampaignConfig(links=links, seed=seed)
         start_s = time.monotonic()
         with progress_bar(names[0]) as on_progress:
-            result = run_campaign(config, names, cycles, jobs=jobs, on_progress=on_progress)
+            result = run_campaign(
+                config, names, cycles, jobs=jobs, cluster=cluster, on_progress=on_progress
+            )
         elapsed_s = time.monotonic() - start_s
         saved, broken = save_recordings(result, save_dir)
     # Written before an error is raised: hours of work must not be lost.

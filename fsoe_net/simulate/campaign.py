@@ -1,19 +1,15 @@
-"""A fault campaign over the connections of a network, using all CPU cores."""
+"""A fault campaign over the connections of a network, on all CPU cores or on a cluster."""
 
 from __future__ import annotations
 
-import gc
-import multiprocessing
 import os
-import signal
-import sys
-import threading
 import time
-from collections.abc import Callable, Iterator, MutableSequence, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
+from typing import Any
 
 from fsoe_net.campaign.clean_run import MainFactory, SubFactory, TrialConnection
 from fsoe_net.campaign.shrink import shrink
@@ -25,17 +21,16 @@ from fsoe_net.campaign.trials import (
     run_trials,
     trial_count,
 )
-from fsoe_net.errors import EnvironmentFault, InputError
+from fsoe_net.errors import InputError
 from fsoe_net.fsoe.config import MainConfig
 from fsoe_net.model.resolve import Resolution
-from fsoe_net.simulate.device_logic import divert_stdout
 from fsoe_net.simulate.scenario_run import DEFAULT_CYCLE_NS
 from fsoe_net.simulate.setup import choose_setups
+from fsoe_net.simulate.workers import ClusterWorkers, LocalWorkers, Piece, Workers
 
 _CHUNK = 8192  # independent of the number of processes, so that sums are equal
 _FEW = 4096  # trials for which starting processes is too slow
 _SHOWN_EVERY_S = 0.25  # interval of progress reports within a piece of work
-_STOP_S = 2.0  # time for a process to end by itself
 
 Progress = Callable[[int, int, str], None]
 
@@ -122,6 +117,7 @@ def run_campaign(
     faults: int,
     *,
     jobs: int | None = None,
+    cluster: str | None = None,
     on_progress: Progress | None = None,
 ) -> CampaignResult:
     """Run a campaign.
@@ -131,6 +127,7 @@ def run_campaign(
         names: Classes of faults.
         faults: Faults per class.
         jobs: Number of processes; default: one per core, or only this process for few faults.
+        cluster: Address of a Dask scheduler whose workers run the campaign instead.
         on_progress: Called in this process several times a second, unless a single fault takes
             longer. Arguments: completed faults, all faults, current class.
 
@@ -139,7 +136,8 @@ def run_campaign(
 
     Raises:
         ConfigError: Unknown class, or a connection that never reaches state Data.
-        EnvironmentFault: A device under test raised an exception or took its process with it.
+        EnvironmentFault: A device under test raised an exception or took its process with it, or
+            the cluster cannot be used.
     """
     # Chunks are divided by number, not by process, so that the result does not depend on `jobs`.
     work = [
@@ -154,7 +152,12 @@ def run_campaign(
     # Starting a process takes longer than a few faults.
     if jobs is None:
         jobs = 1 if total <= _FEW else _cores()
-    steps = _alone(config, work, reports) if jobs == 1 else _together(config, work, jobs, reports)
+    if cluster is not None:
+        steps = _together(config, work, ClusterWorkers(cluster), reports)
+    elif jobs == 1:
+        steps = _alone(config, work, reports)
+    else:
+        steps = _together(config, work, LocalWorkers(jobs, len(work)), reports)
     interrupted = False
     try:
         for index, part in steps:
@@ -251,85 +254,27 @@ def _now_and_then(tell: Callable[[int, str], None], name: str) -> Callable[[int]
     return on_trial
 
 
-def _together(config: CampaignConfig, work: _Work, jobs: int, reports: _Reports) -> _Steps:
+def _together(config: CampaignConfig, work: _Work, workers: Workers, reports: _Reports) -> _Steps:
     """Distribute the work; only a few pieces are queued ahead, so that stopping is fast."""
-    # With fork, a copy of a thread could hold a lock forever.
-    context = multiprocessing.get_context("spawn")
-    # Each piece of work has its own place: no lock that a dying process could keep.
-    counts: MutableSequence[int] = context.RawArray("i", len(work))
-    pool = ProcessPoolExecutor(
-        max_workers=min(jobs, len(work)),
-        mp_context=context,
-        initializer=_prepare_process,
-        initargs=(counts,),
-    )
-    queue = iter(enumerate(work))
-    running: dict[Future[ClassResult], int] = {}
+    queue = iter([(index, name, trials) for index, (name, trials) in enumerate(work)])
+    running: dict[Future[Any], Piece] = {}
     try:
         while True:
-            for index, (name, trials) in queue:
-                running[pool.submit(_run_piece, config, name, trials, index)] = index
-                if len(running) > 2 * jobs:
-                    break
+            # A cluster may have lost workers since.
+            free = max(2 * workers.slots + 1 - len(running), 0)
+            for piece in islice(queue, free):
+                running[workers.start(config, piece)] = piece
             if not running:
                 return
             finished, _ = wait(running, timeout=_SHOWN_EVERY_S, return_when=FIRST_COMPLETED)
             for future in finished:
-                yield running.pop(future), future.result()
+                piece = running.pop(future)
+                yield piece[0], workers.result(future, config, piece)
             # Nothing was completed in this interval: report the progress of the pieces, so that it
             # does not look stuck.
             if not finished:
-                at = [index for index in running.values() if counts[index]]
+                at = {piece: done for piece in running.values() if (done := workers.done(piece[0]))}
                 if at:
-                    reports.within(sum(counts[index] for index in at), work[min(at)][0])
-    except BrokenProcessPool as exc:
-        raise EnvironmentFault(
-            "a process of the campaign died, as by os._exit() or a crash of the device; "
-            "--jobs 1 shows what a crash prints"
-        ) from exc
+                    reports.within(sum(at.values()), min(at)[1])
     finally:
-        _stop(pool)
-
-
-def _stop(pool: ProcessPoolExecutor) -> None:
-    processes = list((pool._processes or {}).values())
-    pool.shutdown(wait=False, cancel_futures=True)
-    for process in processes:
-        process.terminate()
-    for process in processes:
-        process.join(_STOP_S)
-        process.kill()  # a device may have caught SIGTERM
-        process.join()
-
-
-_counts: MutableSequence[int] = []
-"""Trials done per piece of work; shared with the parent of this process."""
-
-
-def _prepare_process(counts: MutableSequence[int]) -> None:
-    global _counts  # the only way to pass it from the start of a process to its calls
-    _counts = counts
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides when to stop
-    gc.set_threshold(200_000)  # trials create no reference cycles; the search takes time
-    divert_stdout()  # output of a device does not belong in the report
-    sys.stdout = sys.stderr
-
-
-def _end_with_parent() -> None:  # pragma: no cover - ends its process, and the counts with it
-    """End this process when its parent has ended, even by SIGKILL.
-
-    Otherwise it would wait for work forever, together with the process of `multiprocessing` that
-    removes the semaphores of the parent.
-    """
-    parent = multiprocessing.parent_process()
-    assert parent is not None  # noqa: S101 - a process of the pool has one
-    parent.join()
-    os._exit(1)
-
-
-def _run_piece(config: CampaignConfig, name: str, trials: range, index: int) -> ClassResult:
-    def on_trial(done: int) -> None:
-        _counts[index] = done
-
-    return run_trials(config, name, trials, on_trial)
+        workers.stop()

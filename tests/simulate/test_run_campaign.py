@@ -24,6 +24,7 @@ from fsoe_net.document.write_terminal import document_text
 from fsoe_net.errors import EnvironmentFault, InputError
 from fsoe_net.report.campaign import campaign_document, to_json
 from fsoe_net.simulate import campaign as campaign_module
+from fsoe_net.simulate import workers as workers_module
 from fsoe_net.simulate.campaign import campaign_links, run_campaign, save_failures
 from fsoe_net.simulate.device_logic import device_factory
 
@@ -113,7 +114,7 @@ def test_interruption_leaves_no_process(monkeypatch):
 def test_a_process_that_does_not_listen_is_killed(monkeypatch):
     monkeypatch.setattr(campaign_module, "_CHUNK", 20_000)
     monkeypatch.setattr(campaign_module, "_SHOWN_EVERY_S", 0.01)
-    monkeypatch.setattr(campaign_module, "_STOP_S", 0.01)
+    monkeypatch.setattr(workers_module, "_STOP_S", 0.01)
 
     def stop(_done, _total, _name):
         raise KeyboardInterrupt
