@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import os
 import sys
-import tempfile
 import time
 from contextlib import nullcontext
-from pathlib import Path
 
 import click
 
@@ -17,13 +15,10 @@ from fsoe_net.cli.inputs import input_options
 from fsoe_net.cli.options import FOLDER, output_option, read_by, refuse_others
 from fsoe_net.cli.progress import progress_bar
 from fsoe_net.cli.replay import print_replay
-from fsoe_net.cli.write import check_target
+from fsoe_net.cli.write import check_target, try_folder
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.project.check import check_files, whole_network
-from fsoe_net.simulate.campaign import (
-    campaign_links,
-    run_campaign,
-)
+from fsoe_net.simulate.campaign import campaign_links, run_campaign
 from fsoe_net.simulate.device_logic import device_factory, stdout_to_stderr
 
 
@@ -61,7 +56,7 @@ from fsoe_net.simulate.device_logic import device_factory, stdout_to_stderr
 @click.option(
     "--cluster",
     metavar="ADDRESS",
-    help="Run on the workers of this Dask scheduler, e.g. tcp://10.0.0.1:8786.",
+    help="Run on the workers of this Dask scheduler: tcp://…, tls://…",
 )
 @click.option(
     "--sub", metavar="MODULE:FACTORY", help="Use your SubInstance instead of the built-in one."
@@ -121,7 +116,7 @@ def command(
     checked = check_files(files, loading)
     resolution = whole_network(checked, "no fault put in")
     check_target(output, overwrite=overwrite, stdout=True)  # written hours later
-    _try_folder(save_dir)
+    try_folder(save_dir)
     if main or sub:
         # The device under test is usually a module in the folder of the user.
         sys.path.insert(0, os.getcwd())
@@ -135,9 +130,9 @@ def command(
         )
         config = CampaignConfig(links=links, seed=seed)
         start_s = time.monotonic()
-        with progress_bar(names[0]) as on_progress:
+        with progress_bar(names[0]) as bar:
             result = run_campaign(
-                config, names, cycles, jobs=jobs, cluster=cluster, on_progress=on_progress
+                config, names, cycles, jobs=jobs, cluster=cluster, on_progress=bar
             )
         elapsed_s = time.monotonic() - start_s
         saved, broken = save_recordings(result, save_dir)
@@ -150,10 +145,3 @@ def command(
     if result.interrupted:
         ctx.exit(130)
     ctx.exit(0 if result.passed else 1)
-
-
-def _try_folder(save_dir: str | None) -> None:
-    if save_dir:
-        Path(save_dir).mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=save_dir):
-            pass

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import tempfile
 from pathlib import Path
 
 import click
@@ -68,3 +69,11 @@ def _why_closed(place: Path, mode: int) -> str:
     if os.statvfs(place).f_flag & os.ST_RDONLY:
         return "the file system is read-only"
     return "permission denied"
+
+
+def try_folder(save_dir: str | None) -> None:
+    """Create a folder, and raise `OSError` if no file can be written there."""
+    if save_dir:
+        Path(save_dir).mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=save_dir):
+            pass
