@@ -6,23 +6,13 @@ import json
 
 import click
 
-from fsoe_net.cli.options import INTERFACE, format_option
+from fsoe_net.cli.doctor_output import examination_document
+from fsoe_net.cli.options import FILE, INTERFACE, format_option, refuse_others
 from fsoe_net.cli.terminal import echo, show
-from fsoe_net.diag.words import counted
-from fsoe_net.document.model import (
-    Column,
-    Document,
-    Level,
-    Lines,
-    Part,
-    Table,
-    Verdict,
-    cell,
-    words,
-)
 from fsoe_net.errors import EnvironmentFault
-from fsoe_net.host.doctor import Examination, examine
-from fsoe_net.host.finding import MachineFinding, MachineLevel
+from fsoe_net.formats.shared.write_files import STDOUT, write_whole
+from fsoe_net.host.doctor import examine
+from fsoe_net.host.scripts import fix_script, undo_script
 from fsoe_net.host.seam import Host, Unreadable
 from fsoe_net.version import __version__
 
@@ -31,22 +21,16 @@ Examples:
   fsoe-net doctor
   fsoe-net doctor --interface eth1
   fsoe-net doctor --interface eth1 --format json > host.json
+  fsoe-net doctor --interface eth1 --fix --dry-run --undo undo.sh > fix.sh
   fsoe-net doctor --self-test
   fsoe-net doctor --self-test --format json > self-test.json
 
 Nothing is changed. As root it can check more. The self-test opens no interface. It shows that this
 copy works as released on this machine, not that a network is safe.
 
-Exit codes: 0 no warning or error, or every part of the self-test passed; 1 otherwise (do not use an
-installation whose self-test fails); 2 usage error; 3 not Linux or no /proc."""
-
-_LEVELS = {
-    MachineLevel.GOOD: Level.CLEAR,
-    MachineLevel.NOTE: Level.NOTE,
-    MachineLevel.WARNING: Level.WARNING,
-    MachineLevel.BAD: Level.ERROR,
-    MachineLevel.UNKNOWN: Level.OPEN,
-}
+Exit codes: 0 no warning or error, a script was printed, or every part of the self-test passed; 1
+otherwise (do not use an installation whose self-test fails); 2 usage error; 3 not Linux or no
+/proc."""
 
 
 @click.command("doctor", epilog=_EPILOG)
@@ -60,14 +44,33 @@ _LEVELS = {
     help="Instead test this installation with known results: reference networks, recorded runs, "
     "formulas, the C core, fsn-master.",
 )
+@click.option(
+    "--fix",
+    is_flag=True,
+    help="Print a script with the fixes that can be undone: governor, interrupts, coalescing, "
+    "kernel command line (as comments). Only with --dry-run.",
+)
+@click.option("--dry-run", is_flag=True, help="With --fix: print, change nothing.")
+@click.option(
+    "--undo", type=FILE, metavar="FILE", help="With --fix: new file for the script that undoes it."
+)
 @format_option
 @click.pass_context
-def command(ctx: click.Context, interface: str | None, is_self_test: bool, fmt: str) -> None:
+def command(
+    ctx: click.Context,
+    interface: str | None,
+    is_self_test: bool,
+    fix: bool,
+    dry_run: bool,
+    undo: str | None,
+    fmt: str,
+) -> None:
     """Check this machine for real-time EtherCAT, or test this installation.
 
     Each finding explains why it matters for FSoE, the command that fixes it, and how to make the
     fix permanent.
     """
+    _check_fix(ctx, fix, dry_run, undo)
     if is_self_test:
         if interface is not None:
             raise click.UsageError("--self-test opens no interface: leave out --interface")
@@ -78,11 +81,29 @@ def command(ctx: click.Context, interface: str | None, is_self_test: bool, fmt: 
         found = examine(Host(), interface=interface, program=_program())
     except Unreadable as exc:
         raise EnvironmentFault(f"this machine cannot be looked at: {exc}") from exc
+    if fix:
+        # The values of now, before a person runs the script.
+        if undo is not None:
+            write_whole(undo, undo_script(found).encode(), overwrite=False)
+        echo(fix_script(found), nl=False)
+        return
     if fmt == "json":
         echo(json.dumps(found.to_json(__version__), indent=2, ensure_ascii=False))
     else:
-        show(_document(found))
+        show(examination_document(found))
     ctx.exit(0 if found.healthy else 1)
+
+
+def _check_fix(ctx: click.Context, fix: bool, dry_run: bool, undo: str | None) -> None:
+    if not fix:
+        if dry_run or undo is not None:
+            raise click.UsageError("--dry-run and --undo go with --fix")
+        return
+    refuse_others(ctx, "--fix", "fix", "dry_run", "undo", "interface")
+    if not dry_run:
+        raise click.UsageError("--fix needs --dry-run: it prints a script, and changes nothing")
+    if undo == STDOUT:
+        raise click.UsageError("--undo takes a file: standard output has the other script")
 
 
 def _program() -> str | None:
@@ -92,50 +113,3 @@ def _program() -> str | None:
         return find_master()
     except EnvironmentFault:
         return None
-
-
-def _document(found: Examination) -> Document:
-    rows = tuple(
-        (cell(Verdict(f.level.value, _LEVELS[f.level])), cell(f.name), cell(f.text))
-        for f in found.findings
-    )
-    columns = (Column(""), Column("check"), Column("found", wraps=True))
-    parts: list[Part] = [Table(columns=columns, rows=rows)]
-    for level in (MachineLevel.BAD, MachineLevel.WARNING, MachineLevel.NOTE):
-        for f in found.findings:
-            if f.level is level:
-                parts += _advice(f)
-    parts.append(words(_verdict(found)))
-    title = f"Linux {found.release} · {counted(found.cpus, 'CPU')}"
-    return Document(title=title, lead=tuple(parts))
-
-
-def _advice(finding: MachineFinding) -> list[Part]:
-    """Return the advice for a finding; commands stay on one line so that they can be copied."""
-    head = Verdict(f"{finding.level.value}[{finding.name}]", _LEVELS[finding.level])
-    # Commands stay on one line, so that they can be copied.
-    commands = [
-        f"  {f'{word}:' if n == 0 else '':5} {text}"
-        for word, texts in (("now", finding.now), ("keep", finding.keep))
-        for n, text in enumerate(texts)
-    ]
-    parts: list[Part] = [words(head, f": {finding.text}")]
-    if finding.why:
-        parts.append(words(f"why: {finding.why}"))
-    return [*parts, Lines(tuple(commands))] if commands else parts
-
-
-def _verdict(found: Examination) -> str:
-    parts = [
-        counted(n, word) if word != "unknown" else f"{n} not known"
-        for level, word in (
-            (MachineLevel.BAD, "bad finding"),
-            (MachineLevel.WARNING, "warning"),
-            (MachineLevel.NOTE, "note"),
-            (MachineLevel.UNKNOWN, "unknown"),
-        )
-        if (n := found.count(level))
-    ]
-    counts = ", ".join(parts) or "nothing to fix"
-    more = "" if found.interface else "; --interface IF looks at the one of the bus too"
-    return f"{counts}{more}"

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterator
 
-from fsoe_net.host.finding import Check, MachineFacts, MachineLevel
+from fsoe_net.host.finding import Check, MachineFacts, MachineFix, MachineLevel, written
 from fsoe_net.host.kernel import command_line
 from fsoe_net.host.seam import Host, Unreadable
 
 _FOLDER = "/sys/devices/system/cpu"
 _DEEP_US, _VERY_DEEP_US = 20, 100
+_SHALLOW = "processor.max_cstate=1 intel_idle.max_cstate=1"
 _GRUB = "add {} to GRUB_CMDLINE_LINUX in /etc/default/grub; update-grub; reboot"
 
 
@@ -86,12 +87,14 @@ def _isolation(host: Host) -> Iterator[MachineFacts]:
                 f"then start fsn-master in that group with --cpu {last}",
             ),
             keep=(_GRUB.format(words), f"fsn-master --cpu {last}"),
+            fix=MachineFix(boot=words),
         )
     elif ticking - full:
         yield MachineFacts(
             level=MachineLevel.NOTE,
             text=f"CPU {range_text(isolated)} isolated, but RCU callbacks run on them",
             keep=(_GRUB.format(f"rcu_nocbs={range_text(isolated)}"),),
+            fix=MachineFix(boot=f"rcu_nocbs={range_text(isolated)}"),
         )
     else:
         yield MachineFacts(level=MachineLevel.GOOD, text=f"CPU {range_text(isolated)} isolated")
@@ -120,10 +123,13 @@ def _cpus(host: Host) -> list[str]:
 
 def _frequency(host: Host) -> Iterator[MachineFacts]:
     by_governor: defaultdict[str, set[int]] = defaultdict(set)
+    slow_files: dict[str, str] = {}
     for folder in _cpus(host):
         governor = host.maybe(f"{folder}/cpufreq/scaling_governor")
         if governor:
             by_governor[governor].add(int(folder.rpartition("cpu")[2]))
+            if governor != "performance":
+                slow_files[f"{folder}/cpufreq/scaling_governor"] = governor
     # Without cpufreq the frequency may still change without the kernel.
     if not by_governor:
         raise Unreadable(
@@ -138,6 +144,7 @@ def _frequency(host: Host) -> Iterator[MachineFacts]:
         level=MachineLevel.WARNING,
         text="; ".join(f"CPU {range_text(cpus)}: {name}" for name, cpus in sorted(slow.items())),
         now=(f"echo performance | tee {_FOLDER}/cpu*/cpufreq/scaling_governor",),
+        fix=written(dict.fromkeys(slow_files, "performance"), slow_files),
         keep=(
             "tuned-adm profile realtime (or latency-performance); else "
             "apt install cpufrequtils; echo 'GOVERNOR=\"performance\"' > /etc/default/cpufrequtils",
@@ -174,7 +181,8 @@ def _idle(host: Host) -> Iterator[MachineFacts]:
             f"for s in {_FOLDER}/cpu*/cpuidle/state*; do "
             f"[ $(cat $s/latency) -le {_DEEP_US} ] || echo 1 > $s/disable; done",
         ),
-        keep=(_GRUB.format("processor.max_cstate=1 intel_idle.max_cstate=1"), "or a tuned profile"),
+        keep=(_GRUB.format(_SHALLOW), "or a tuned profile"),
+        fix=MachineFix(boot=_SHALLOW),
     )
 
 

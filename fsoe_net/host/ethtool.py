@@ -22,7 +22,23 @@ class Coalescing:
 
     rx_us: int
     rx_frames: int
-    adaptive: bool
+    tx_us: int
+    adaptive_rx: bool
+    adaptive_tx: bool
+
+    def words(self) -> dict[str, str]:
+        """Return its parameters for `ethtool -C`."""
+        switch = ("off", "on")
+        return {
+            "adaptive-rx": switch[self.adaptive_rx],
+            "adaptive-tx": switch[self.adaptive_tx],
+            "rx-usecs": str(self.rx_us),
+            "tx-usecs": str(self.tx_us),
+        }
+
+
+AT_ONCE = Coalescing(rx_us=0, rx_frames=0, tx_us=0, adaptive_rx=False, adaptive_tx=False)
+"""No frame waits for another one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,7 +59,13 @@ def coalescing(host: Host, interface: str) -> Coalescing:
     """Return how frames are collected; raises `OSError` if the driver does not report it."""
     row = _ask(host, interface, _GCOALESCE, _COALESCE)
     # struct ethtool_coalesce: words 10 and 11 switch the adaptive modes on.
-    return Coalescing(rx_us=row[1], rx_frames=row[2], adaptive=bool(row[10] or row[11]))
+    return Coalescing(
+        rx_us=row[1],
+        rx_frames=row[2],
+        tx_us=row[5],
+        adaptive_rx=bool(row[10]),
+        adaptive_tx=bool(row[11]),
+    )
 
 
 def eee(host: Host, interface: str) -> Eee:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+import shlex
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 
 from fsoe_net.host import ethtool
-from fsoe_net.host.finding import Check, MachineFacts, MachineLevel
+from fsoe_net.host.finding import Check, MachineFacts, MachineFix, MachineLevel
 from fsoe_net.host.interrupts import interrupt_checks
 from fsoe_net.host.permissions import PROGRAM
 from fsoe_net.host.seam import Host, Unreadable
@@ -275,19 +276,37 @@ def _asked(ask: Callable[[], Iterator[MachineFacts]]) -> Iterator[MachineFacts]:
         raise Unreadable(f"the driver does not say ({exc.strerror})") from exc
 
 
+def _parameters(words: Mapping[str, str]) -> str:
+    return " ".join(f"{key} {value}" for key, value in words.items())
+
+
+def _coalescing_fix(name: str, found: ethtool.Coalescing) -> MachineFix:
+    """Return a fix of what differs only: a driver rejects parameters that it does not have."""
+    wanted = ethtool.AT_ONCE.words()
+    before = {key: value for key, value in found.words().items() if value != wanted[key]}
+    after = {key: wanted[key] for key in before}
+    command = f"ethtool -C {shlex.quote(name)}"
+    return MachineFix(
+        do=(f"{command} {_parameters(after)}",),
+        undo=(f"{command} {_parameters(before)}",),
+    )
+
+
 def _coalescing(host: Host, name: str) -> Iterator[MachineFacts]:
     def ask() -> Iterator[MachineFacts]:
         found = ethtool.coalescing(host, name)
         # One frame per interrupt means no delay, whatever the time setting is.
         late = found.rx_us if found.rx_frames != 1 else 0
-        if not late and not found.adaptive:
+        adaptive = found.adaptive_rx or found.adaptive_tx
+        if not late and not adaptive:
             yield MachineFacts(level=MachineLevel.GOOD, text="each frame is seen at once")
             return
         yield MachineFacts(
-            level=MachineLevel.WARNING if late > 10 or found.adaptive else MachineLevel.NOTE,
+            level=MachineLevel.WARNING if late > 10 or adaptive else MachineLevel.NOTE,
             text=f"a frame is seen up to {late} us late"
-            + (", and the card chooses by itself (adaptive)" if found.adaptive else ""),
-            now=(f"ethtool -C {name} adaptive-rx off adaptive-tx off rx-usecs 0 tx-usecs 0",),
+            + (", and the card chooses by itself (adaptive)" if adaptive else ""),
+            now=(f"ethtool -C {name} {_parameters(ethtool.AT_ONCE.words())}",),
+            fix=_coalescing_fix(name, found),
             keep=(
                 f"printf '[Match]\\nOriginalName={name}\\n[Link]\\nRxCoalesceSec=0\\n"
                 f"TxCoalesceSec=0\\n' > /etc/systemd/network/10-{name}.link; reboot",

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from functools import partial
 
 from fsoe_net.host.cpu import cpu_list, isolated_cpus, online_cpus, range_text
-from fsoe_net.host.finding import Check, MachineFacts, MachineLevel
+from fsoe_net.host.finding import Check, MachineFacts, MachineLevel, written
 from fsoe_net.host.permissions import scheduling
 from fsoe_net.host.seam import Host, Unreadable
 
@@ -45,8 +45,11 @@ def _interrupts(host: Host, name: str) -> list[int]:
 def _affinity(host: Host, name: str) -> Iterator[MachineFacts]:
     numbers = _interrupts(host, name)
     cpus: set[int] = set()
+    allowed: dict[str, str] = {}
     for n in numbers:
         place = f"/proc/irq/{n}"
+        if permitted := host.maybe(f"{place}/smp_affinity_list"):
+            allowed[f"{place}/smp_affinity_list"] = permitted
         # The effective list contains the CPUs in use; the other one contains the permitted CPUs.
         text = host.maybe(f"{place}/effective_affinity_list") or host.read(
             f"{place}/smp_affinity_list"
@@ -64,6 +67,7 @@ def _affinity(host: Host, name: str) -> Iterator[MachineFacts]:
         text=f"{text}: replies are taken on any of them",
         now=tuple(f"echo {wanted} > /proc/irq/{n}/smp_affinity_list" for n in numbers[:4]),
         keep=(f"a unit that runs that after boot, or irqaffinity={wanted} on the command line",),
+        fix=written(dict.fromkeys(allowed, str(wanted)), allowed),
     )
 
 

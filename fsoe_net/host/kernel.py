@@ -7,7 +7,7 @@ import re
 import zlib
 from collections.abc import Iterator
 
-from fsoe_net.host.finding import Check, MachineFacts, MachineLevel
+from fsoe_net.host.finding import Check, MachineFacts, MachineFix, MachineLevel
 from fsoe_net.host.seam import Host, Unreadable
 
 _RT = (
@@ -69,6 +69,7 @@ def _preemption(host: Host) -> Iterator[MachineFacts]:
             text=f"preemption {model}: a thread in the kernel is not interrupted everywhere",
             now=("echo full > /sys/kernel/debug/sched/preempt",) if "DYNAMIC" in version else (),
             keep=(_RT, "or at least: " + _GRUB.format("preempt=full")),
+            fix=MachineFix(boot="preempt=full"),
         )
 
 
@@ -133,6 +134,7 @@ def _group_scheduling(host: Host) -> Iterator[MachineFacts]:
             text="CONFIG_RT_GROUP_SCHED: a control group without a share of its own refuses "
             "SCHED_FIFO with EPERM, also to root",
             keep=(_GRUB.format("rt_group_sched=0") + " (6.16 and later), or another kernel",),
+            fix=MachineFix(boot="rt_group_sched=0"),
         )
     else:
         yield MachineFacts(level=MachineLevel.GOOD, text="no quota per control group")
