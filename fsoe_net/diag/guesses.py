@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
@@ -52,6 +51,8 @@ class Guesses:
         return self._similar(word)
 
     def _similar(self, word: str) -> list[str]:
+        import difflib  # only for a misspelt word
+
         close = difflib.get_close_matches(word, self._bare, n=4 * _MOST, cutoff=self._cutoff)
         if not close:
             return []

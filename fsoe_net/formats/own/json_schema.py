@@ -10,7 +10,6 @@ import functools
 import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -63,7 +62,7 @@ def read_schema(name: str) -> dict[str, Any]:
     if in_source.is_file():  # a source tree, also for an editable installation
         text = in_source.read_text("utf-8")
     else:
-        text = (resources.files("fsoe_net") / "schemas" / file).read_text("utf-8")
+        text = (Path(__file__).parents[2] / "schemas" / file).read_text("utf-8")
     loaded: dict[str, Any] = json.loads(text)
     return loaded
 

@@ -6,7 +6,7 @@ import functools
 import os
 import re
 from collections.abc import Sequence
-from importlib import resources
+from pathlib import Path
 from typing import cast
 
 from fsoe_net.diag.diagnostic import Diagnostic, Severity, sort_diagnostics
@@ -78,7 +78,7 @@ def builtin_library(products: frozenset[int] | None = None) -> Library:
         EnvironmentFault: A file of the package is damaged.
     """
     out = Collector()
-    folder = resources.files("fsoe_net") / "devices"
+    folder = Path(__file__).parents[2] / "devices"
     devices: list[LibraryDevice] = []
     for item in sorted(folder.iterdir(), key=lambda i: i.name):
         if not item.name.endswith(".yaml"):
