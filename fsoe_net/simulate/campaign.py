@@ -152,12 +152,7 @@ def run_campaign(
     # Starting a process takes longer than a few faults.
     if jobs is None:
         jobs = 1 if total <= _FEW else _cores()
-    if cluster is not None:
-        steps = _together(config, work, ClusterWorkers(cluster), reports)
-    elif jobs == 1:
-        steps = _alone(config, work, reports)
-    else:
-        steps = _together(config, work, LocalWorkers(jobs, len(work)), reports)
+    steps = _steps(config, work, jobs, cluster, reports)
     interrupted = False
     try:
         for index, part in steps:
@@ -234,6 +229,16 @@ def _cores() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))  # CPUs available to this process
     return os.cpu_count() or 1
+
+
+def _steps(
+    config: CampaignConfig, work: _Work, jobs: int, cluster: str | None, reports: _Reports
+) -> _Steps:
+    if cluster is not None:
+        return _together(config, work, ClusterWorkers(cluster), reports)
+    if jobs == 1:
+        return _alone(config, work, reports)
+    return _together(config, work, LocalWorkers(jobs, len(work)), reports)
 
 
 def _alone(config: CampaignConfig, work: _Work, reports: _Reports) -> _Steps:
