@@ -221,15 +221,43 @@ def axis(network, program, scenario):
     return seen
 
 
-class DrivenAxis:
-    """A joint of ros2_control whose SubDevice axis_1 is driven by CiA 402, and the drive itself."""
+class Drive:
+    """The emulated drive axis_1, the fsn-master on its bus, and a client that reads its objects."""
 
     ENABLED, DISABLED, FAULT = 0x27, 0x40, 0x08
 
-    def __init__(self, network, program, scenario, *commands, params=()):
+    def __init__(self, network, scenario):
         self.emulator = Emulator(network, "--scenario", scenario)
         self.running = Running(network)
-        self.drive = Client(self.running.socket)
+        self.client = Client(self.running.socket)
+
+    def object(self, index):
+        """Return an object of the emulated drive, or of what was sent to it."""
+        name, side = OBJECTS[index]
+        return getattr(self.client.get(name), side)[name]
+
+    def state(self):
+        statusword = self.object(0x6041)
+        return statusword & (0x6F if statusword & 0x20 else 0x4F)
+
+    def has_sto(self):
+        return bool(self.client.sdo_read("axis_1", 0x60FD, 0, "uint32").value >> 31)
+
+    def press_stop(self, *, pressed):
+        """Press the e-stop, or release it."""
+        for number in (1, 2):
+            self.emulator.do(f"set el1904.0x6001:0{number} {0 if pressed else 1}")
+
+    def end(self):
+        self.running.end(signal.SIGINT)
+        self.emulator.end()
+
+
+class DrivenAxis(Drive):
+    """A joint of ros2_control whose SubDevice axis_1 is driven by CiA 402, and the drive itself."""
+
+    def __init__(self, network, program, scenario, *commands, params=()):
+        super().__init__(network, scenario)
         words = ["subdevice=axis_1", "axis=axis_1", "max_velocity=0.5", *params]
         words = [f"p:shoulder/{word}" for word in words]
         words += [f"c:shoulder/{name}" for name in ("position", *commands)]
@@ -237,15 +265,6 @@ class DrivenAxis:
         words += ["s:shoulder/position", "s:shoulder/velocity"]
         self.system = System(program, socket, "misses=1000", "lost_ms=2000", *words)
         self.system.goes("init", "configure", "activate")
-
-    def object(self, index):
-        """Return an object of the emulated drive, or of what was sent to it."""
-        name, side = OBJECTS[index]
-        return getattr(self.drive.get(name), side)[name]
-
-    def state(self):
-        statusword = self.object(0x6041)
-        return statusword & (0x6F if statusword & 0x20 else 0x4F)
 
     def facts(self):
         """State, target and actual position of the drive, and the position of the joint."""
@@ -255,9 +274,6 @@ class DrivenAxis:
 
     def until_state(self, *states):
         self.system.sends(lambda: self.state() in states)
-
-    def has_sto(self):
-        return bool(self.drive.sdo_read("axis_1", 0x60FD, 0, "uint32").value >> 31)
 
     def acknowledge(self):
         """Press the reset button of the safety logic until the drive may have torque."""
@@ -289,8 +305,7 @@ class DrivenAxis:
 
     def end(self):
         said = self.system.end()
-        self.running.end(signal.SIGINT)
-        self.emulator.end()
+        super().end()
         return said
 
 
@@ -320,11 +335,9 @@ def cia402(network, program, scenario):
     axis.enable()
     system.goes("set shoulder/position -1.3")
     axis.moves(0x6064, 13551, 13567)
-    for number in (1, 2):
-        axis.emulator.do(f"set el1904.0x6001:0{number} 0")
+    axis.press_stop(pressed=True)
     system.sends(axis.has_sto)
-    for number in (1, 2):
-        axis.emulator.do(f"set el1904.0x6001:0{number} 1")
+    axis.press_stop(pressed=False)
     seen["e-stop"] = axis.stays()
     axis.enable()
     axis.emulator.do("drive-fault axis_1 0x2310")
@@ -376,7 +389,7 @@ def cia402_modes(network, program, scenario):
     params = ("auto_fault_reset=true", "max_velocity=70000", "max_effort=100")
     axis = DrivenAxis(network, program, scenario, *modes, params=params)
     system = axis.system
-    axis.drive.sdo_write("axis_1", 0x6098, 0, kind="int8", value=37)  # the position is the home
+    axis.client.sdo_write("axis_1", 0x6098, 0, kind="int8", value=37)  # the position is the home
     system.goes("start shoulder/mode_of_operation", "set shoulder/mode_of_operation 9")
     axis.enable("velocity")
     system.goes("set shoulder/velocity 65536")
