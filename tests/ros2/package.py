@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import hashlib
 import math
@@ -9,6 +10,7 @@ import os
 import shutil
 import subprocess
 import xml.etree.ElementTree as ET
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -29,52 +31,77 @@ def built(generation: str) -> Path:
     Returns:
         The stand-in, which has the library of the package; beside it ``out``, what is installed.
     """
-    cmake, compiler = shutil.which("cmake"), shutil.which("g++")
+    compiler = shutil.which("g++")
     parts = ("share/ament_cmake_gtest", "share/ament_cmake_cpplint", "share/cmake/nlohmann_json",
              "include/tinyxml2.h")  # fmt: skip
     there = [Path("/usr") / part for part in parts]
-    if cmake is None or compiler is None or not all(path.exists() for path in there):
+    if shutil.which("cmake") is None or compiler is None or not all(p.exists() for p in there):
         why = "needs g++, cmake and the packages that .ci/run installs for ament"
         (pytest.fail if REQUIRED else pytest.skip)(why)
+    with _folder(generation) as folder:
+        made = folder / "drive_system"
+        if not made.exists():
+            _install(folder, FSN_ROS_STUBS=generation, Python3_EXECUTABLE="/usr/bin/python3")
+            _build_stand_in(compiler, generation, folder)
+        return made
+
+
+def built_with_ros(python: str) -> Path:
+    """Have ament build the package against the installation of ROS, once.
+
+    Args:
+        python: that of the installation.
+
+    Returns:
+        The folder where it is installed.
+    """
+    installation = hashlib.sha256(os.environ["AMENT_PREFIX_PATH"].encode()).hexdigest()[:16]
+    with _folder(installation) as folder:
+        if not (folder / "out" / "lib").exists():
+            _install(folder, BUILD_TESTING="OFF", Python3_EXECUTABLE=python)
+        return folder / "out"
+
+
+@contextlib.contextmanager
+def _folder(name: str) -> Iterator[Path]:
+    """Yield, to one process at a time, the folder of a build of the sources as they are now."""
     sources = sorted(p for p in PACKAGE.rglob("*") if p.is_file())
     client = sorted((CORE / "src" / "client").glob("*.c"))
     whole = b"".join(p.read_bytes() for p in (*sources, *client))
-    folder = ROOT / "build" / "ros-package" / hashlib.sha256(whole).hexdigest()[:16] / generation
+    folder = ROOT / "build" / "ros-package" / hashlib.sha256(whole).hexdigest()[:16] / name
     folder.mkdir(parents=True, exist_ok=True)
-    made = folder / "drive_system"
     with open(folder / "lock", "w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        if not made.exists():
-            _build(cmake, compiler, generation, folder)
-    return made
+        yield folder
 
 
-def _build(cmake: str, compiler: str, generation: str, folder: Path) -> None:
+def _install(folder: Path, **options: str) -> None:
+    """Configure, build and install the package."""
     build = folder / "build"
-    options = {
-        "FSN_ROS_STUBS": generation,
-        "CMAKE_CXX_FLAGS": "-Werror",
-        "CMAKE_INSTALL_PREFIX": folder / "out",
-        "Python3_EXECUTABLE": "/usr/bin/python3",
-    }
-    given = [f"-D{name}={value}" for name, value in options.items()]
-    stubs = PACKAGE / "test" / "stubs"
-    folders = [stubs, stubs / generation]
-    folders += [stubs / "shared_handles"] if generation != "humble" else []
-    stand_in = [compiler, "-std=c++17", "-Wl,--no-as-needed", *(f"-I{f}" for f in folders)]
-    library = [f"-L{build}", "-lfsoe_net_ros", "-ltinyxml2", f"-Wl,-rpath,{build}"]
+    given = {"CMAKE_CXX_FLAGS": "-Werror", "CMAKE_INSTALL_PREFIX": folder / "out"} | options
     # As in a workspace of colcon: a link leads to the package.
     link = folder / "src"
     link.unlink(missing_ok=True)
     link.symlink_to(PACKAGE)
-    for words in (
-        [cmake, "-S", link, "-B", build, *given],
-        [cmake, "--build", build],
-        [cmake, "--install", build],
-        [*stand_in, f"{PACKAGE}/test/drive_system.cpp", "-o", folder / "drive_system", *library],
-    ):
-        done = subprocess.run(map(str, words), capture_output=True, text=True, check=False)
-        assert done.returncode == 0, done.stdout + done.stderr
+    _run("cmake", "-S", link, "-B", build, *(f"-D{name}={given[name]}" for name in given))
+    _run("cmake", "--build", build)
+    _run("cmake", "--install", build)
+
+
+def _build_stand_in(compiler: str, generation: str, folder: Path) -> None:
+    build = folder / "build"
+    stubs = PACKAGE / "test" / "stubs"
+    folders = [stubs, stubs / generation]
+    folders += [stubs / "shared_handles"] if generation != "humble" else []
+    words = ["-std=c++17", "-Wl,--no-as-needed", *(f"-I{f}" for f in folders)]
+    library = [f"-L{build}", "-lfsoe_net_ros", "-ltinyxml2", f"-Wl,-rpath,{build}"]
+    target = folder / "drive_system"
+    _run(compiler, *words, f"{PACKAGE}/test/drive_system.cpp", "-o", target, *library)
+
+
+def _run(*words: str | Path) -> None:
+    done = subprocess.run(map(str, words), capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
 def motors(folder: Path) -> Path:
@@ -87,16 +114,17 @@ def motors(folder: Path) -> Path:
     return scenario
 
 
-def reversed_cell(folder: Path) -> Path:
-    """Copy the robot cell, with positions in radians that count backwards."""
+def reversed_cell(folder: Path, *further: str) -> Path:
+    """Copy the robot cell, with positions and further interfaces in radians, backwards."""
     for name in ("robot-cell", "el6910"):
         shutil.copytree(EXAMPLES / name, folder / name)
     drive = folder / "robot-cell" / "devices" / "drive.yaml"
     text = drive.read_text("utf-8")
-    for side, factor in (("command", -COUNTS_PER_RAD), ("state", -1 / COUNTS_PER_RAD)):
-        old = f"{side}_interface: position}}"
-        assert text.count(old) == 1
-        text = text.replace(old, f"{side}_interface: position, factor: {factor!r}}}")
+    for name in ("position", *further):
+        for side, factor in (("command", -COUNTS_PER_RAD), ("state", -1 / COUNTS_PER_RAD)):
+            old = f"{side}_interface: {name}}}"
+            assert text.count(old) == 1
+            text = text.replace(old, f"{old[:-1]}, factor: {factor!r}}}")
     drive.write_text(text, "utf-8")
     return folder / "robot-cell" / "network.yaml"
 
