@@ -21,6 +21,8 @@ if(EXISTS "${SOEM_SOURCE_DIR}/soem/ethercatmain.h")
   # One function of it does not end on some bytes: ours takes its place.
   set_source_files_properties(${SOEM_SOURCE_DIR}/soem/ethercatmain.c PROPERTIES COMPILE_OPTIONS
     "-include;${CMAKE_CURRENT_SOURCE_DIR}/src/backends/soem/weak.h")
+  set_source_files_properties(${SOEM_SOURCE_DIR}/oshw/linux/nicdrv.c PROPERTIES COMPILE_OPTIONS
+    "-include;${CMAKE_CURRENT_SOURCE_DIR}/src/backends/soem/promiscuous.h")
   set_target_properties(soem_objects PROPERTIES POSITION_INDEPENDENT_CODE ON C_EXTENSIONS ON)
   set(soem_use soem_objects)
   message(STATUS "fsn: SOEM from ${SOEM_SOURCE_DIR}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -58,3 +59,27 @@ def test_the_unit_gives_what_it_needs_and_no_more():
     call = ["systemd-analyze", "security", "--offline=true", "--threshold=20", str(unit)]
     done = subprocess.run(call, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+def system_calls(group: str) -> set[str]:
+    """Return the system calls of a group, as systemd lists them."""
+    call = ["systemd-analyze", "syscall-filter", group]
+    done = subprocess.run(call, capture_output=True, text=True, check=True)
+    words = {line.strip() for line in done.stdout.splitlines()[1:]}
+    nested = {word for word in words if word.startswith("@")}
+    return (words - nested).union(*map(system_calls, nested))
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="needs systemd-analyze")
+def test_the_unit_permits_the_system_calls_of_fsn_master():
+    """A call outside of the filter of the unit would end the process."""
+    source = (EXAMPLES.parent / "master_core/app/base/confine.c").read_text("utf-8")
+    needed = set(re.findall(r"\bSYS_(\w+)", source))
+    permitted: set[str] = set()
+    unit = (EXAMPLES / "fsn-master.service").read_text("utf-8")
+    for line in re.findall(r"(?m)^SystemCallFilter=(.*)$", unit):
+        for word in line.removeprefix("~").split():
+            calls = system_calls(word) if word.startswith("@") else {word}
+            permitted = permitted - calls if line.startswith("~") else permitted | calls
+    assert {"capset", "seccomp", "sendto"} <= needed
+    assert needed - permitted == set()

@@ -39,6 +39,17 @@ def test_connections_come_up_over_the_wire(network, connections, tmp_path):
     check_files(tmp_path, found)
 
 
+def test_the_documented_capabilities_open_the_interface(tmp_path_factory, tmp_path, monkeypatch):
+    """The bus opens without CAP_NET_ADMIN, which SOEM's promiscuous mode would need."""
+    program = tmp_path_factory.mktemp("limited") / "fsn-master"
+    limit = "--bounding-set=-all,+net_raw,+sys_nice,+ipc_lock"
+    program.write_text(f'#!/bin/sh\nexec setpriv {limit} {find_master()} "$@"\n', "utf-8")
+    program.chmod(0o755)
+    monkeypatch.setenv("FSN_MASTER", str(program))
+    seen = on_the_wire("comes_up", ESTOP, tmp=tmp_path, good=lambda s: s["code"] == 0)
+    assert json.loads(seen["out"])["result"] == "pass"
+
+
 def check_same_keys(found):
     """A live bus has the document of the emulated one."""
     emulated = document(run_virtually(EXAMPLES / "estop"))
