@@ -84,7 +84,7 @@ fsn_status fsn_core_record(const struct fsn_core *core, uint64_t cycle, struct f
         return FSN_E_BUSY;
     }
     const _Atomic uint64_t *sequence = r->words + (cycle % r->slots) * r->slot_words;
-    if (atomic_load_explicit(sequence, memory_order_acquire) != 2 * cycle) {
+    if (atomic_load_explicit(sequence, memory_order_relaxed) != 2 * cycle) {
         return FSN_E_ARG;
     }
     const _Atomic uint64_t *from = fsn_words_take(sequence + 1, record, sizeof *record);

@@ -6,7 +6,8 @@ static uint32_t saturated(uint64_t value) {
 }
 
 /* Sequence of a slot: 2 n - 1 while cycle n is written, 2 n when it is complete. A reader of cycle
- * n reads 2 n before and after it; otherwise the cycle is not yet, or no longer, in the slot. */
+ * n reads 2 n before and after it; otherwise the cycle is not yet, or no longer, in the slot. Its
+ * number in `last`, which readers load first, publishes all of it. */
 void fsn_rt_record(struct fsn_rt *rt, uint64_t work_ns) {
     struct fsn_rt_recorder *r = &rt->recorder;
     const struct fsn_statistics *s = &rt->statistics;
@@ -30,7 +31,7 @@ void fsn_rt_record(struct fsn_rt *rt, uint64_t work_ns) {
         _Atomic uint64_t *words = fsn_words_put(sequence + 1, &cycle, sizeof cycle);
         words = fsn_words_put(words, rt->input.wkc, rt->datagram_count * sizeof *rt->input.wkc);
         fsn_words_put(words, rt->image, rt->image_bytes);
-        atomic_store_explicit(sequence, 2 * s->cycles, memory_order_release);
+        atomic_store_explicit(sequence, 2 * s->cycles, memory_order_relaxed);
     }
     atomic_store_explicit(&r->last, s->cycles, memory_order_release);
 }

@@ -1,5 +1,6 @@
 /** Included before SOEM's nicdrv.c, which does not open an interface that refuses promiscuous mode.
- *  That needs CAP_NET_ADMIN. EtherCAT frames go to the broadcast address, so they arrive without. */
+ *  That needs CAP_NET_ADMIN. EtherCAT frames go to the broadcast address, so they arrive without.
+ */
 #ifndef FSN_SOEM_PROMISCUOUS_H
 #define FSN_SOEM_PROMISCUOUS_H
 
