@@ -114,7 +114,7 @@ def managed(network, package, scenario):
     manager.goes("switch", [], ["arm"])
     seen["target"] = axis.object(0x607A)
     seen["released"] = axis.arrives(seen["target"])
-    axis.enable()
+    manager.goes("switch", ["arm"], [])
     seen["claimed again"] = axis.stays()
     axis.press_stop(pressed=True)
     wait_for("STO", axis.has_sto)
