@@ -271,7 +271,7 @@ def test_the_columns_for_the_hand_are_the_widest_of_the_checklist() -> None:
 def test_names_of_connections_never_touch(per_row: int, identities: bool) -> None:
     plan = compile_plan(example("el6910"))
     crossing = tuple(
-        replace(c, connection_id=c.connection_id if identities else None)
+        c._replace(connection_id=c.connection_id if identities else None)
         for c in (*plan.connections, *plan.connections, *plan.connections)
     )
     svg = topology_picture(replace(plan, connections=crossing), per_row=per_row)
