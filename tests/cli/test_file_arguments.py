@@ -73,6 +73,7 @@ NOT_READ = {
     "plot",
     "snapshot",
     "record",
+    "undo",
 }
 # A script is read when fsn-master answers; tests of the console and of signatures have these.
 ELSEWHERE = {
