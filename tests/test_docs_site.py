@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import re
+import shlex
 import shutil
 import subprocess
 import tarfile
@@ -12,11 +13,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import click
 import generated
 import pytest
 from networks import EXAMPLES
 from studio.browser import chromium  # noqa: F401 - a fixture
 
+from fsoe_net.cli.main import cli
 from fsoe_net.formats.own.network import load_network
 
 DOCS = Path(__file__).parents[1] / "docs"
@@ -134,3 +137,26 @@ def test_wrong_arguments_of_the_site_write_nothing(site: Any, tmp_path: Path, mo
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.startswith("site")
     assert not (tmp_path / "site").exists()
+
+
+def test_what_an_issue_asks_for_can_be_called():
+    folder = DOCS.parent / ".github" / "ISSUE_TEMPLATE"
+    text = "".join(path.read_text("utf-8") for path in folder.iterdir())
+    calls = re.findall(r"`fsoe-net (.*?)`", text)
+    assert len(calls) >= 5
+    for call in calls:
+        name, *words = shlex.split(call)
+        command = cli if name.startswith("-") else cli.get_command(click.Context(cli), name)
+        assert command is not None, call
+        options = {word for p in command.params for word in p.opts}
+        assert [w for w in (name, *words) if w.startswith("-") and w not in options] == [], call
+    pages = re.findall(r"docs/[\w/-]+\.md", text)
+    assert [page for page in pages if not (DOCS.parent / page).exists()] == []
+
+
+def test_the_page_of_support_names_the_versions_that_ci_locks():
+    page = (DOCS / "reference" / "support.md").read_text("utf-8")
+    locked = (DOCS.parent / ".ci" / "requirements.txt").read_text("utf-8")
+    for name, told in (("pysoem", "pysoem"), ("kickcat", "KickCAT"), ("ziglang", "zig")):
+        version = re.search(rf"^{name}==(\d+\.\d+)", locked, re.MULTILINE)[1]
+        assert f"{told} {version}" in page
