@@ -134,8 +134,8 @@ def command(
     until = None if duration_ns is None else time.monotonic() + duration_ns / 1e9
     with Bridge(path, options) as bridge:
         where = "on this machine" if here_only else "in its network"
-        how = f" by rclpy of {os.environ.get('ROS_DISTRO', 'ROS 2')}" if options.by_rclpy else ""
-        echo(f"domain {options.domain} {where}{how}: {', '.join(bridge.topics)}; Ctrl-C ends it")
+        where += f" by {bridge.maker}"
+        echo(f"domain {options.domain} {where}: {', '.join(bridge.topics)}; Ctrl-C ends it")
         if bridge.control is not None:
             echo(
                 f"every node there may set outputs (role here: {bridge.control.access}); no "

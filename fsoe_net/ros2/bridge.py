@@ -118,6 +118,11 @@ class Bridge:
         joints = (self._joint_topic,) if self._options.joints else ()
         return ("/diagnostics", *joints, self._prefix)
 
+    @property
+    def maker(self) -> str:
+        """What makes the node: an implementation of DDS, or an installation of ROS 2."""
+        return self._node.maker
+
     def left_out(self) -> list[tuple[str, str]]:
         """Return what was left out since the last call, and what ROS has instead of its type."""
         rows = list(self._node.missing.items())[self._told :]

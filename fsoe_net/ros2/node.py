@@ -106,6 +106,7 @@ class Node:
         EnvironmentFault: The network is missing, or no port of the domain is free.
     """
 
+    maker = "Cyclone DDS"
     answers = "RMW_IMPLEMENTATION=rmw_cyclonedds_cpp"
     """The callers that a service can answer."""
     missing: Mapping[str, str] = MappingProxyType({})  # it has its types itself

@@ -45,6 +45,7 @@ class RclpyNode:
         EnvironmentFault: ROS 2 does not start.
     """
 
+    maker = f"rclpy of {os.environ.get('ROS_DISTRO', 'ROS 2')}"
     answers = "all callers"
 
     def __init__(

@@ -232,7 +232,7 @@ def test_topics_can_have_a_namespace_and_no_joints(robot: Master) -> None:
         "--socket", robot.path, "--duration", "300ms", "--namespace", "left/arm", "--no-joints"
     )
     assert done.stdout.endswith(
-        " on this machine: /diagnostics, /left/arm/fsoe_net; Ctrl-C ends it\n"
+        " on this machine by Cyclone DDS: /diagnostics, /left/arm/fsoe_net; Ctrl-C ends it\n"
     )
     wrong = _command("--socket", robot.path, "--namespace", "left/a b")
     assert (wrong.returncode, "'left/a b' is not a namespace" in wrong.stderr) == (2, True)
@@ -669,7 +669,7 @@ def test_the_command_names_what_it_shows(robot: Master, tmp_path: Path) -> None:
     assert (done.returncode, done.stderr) == (0, "")
     first, second, third = done.stdout.splitlines()
     assert first.endswith(
-        " on this machine: /diagnostics, /joint_states, /fsoe_net; Ctrl-C ends it"
+        " on this machine by Cyclone DDS: /diagnostics, /joint_states, /fsoe_net; Ctrl-C ends it"
     )
     assert second == (
         "every node there may set outputs (role here: maintainer); no emergency stop, no safety "
