@@ -152,7 +152,7 @@ class ClusterWorkers:
         try:
             # Certificates for tls:// come from the configuration of Dask.
             self._client = dask.Client(address, timeout=_CONNECT_S, set_as_default=False)
-        except (OSError, ValueError, TypeError) as exc:
+        except Exception as exc:  # Dask has no common class of errors
             raise EnvironmentFault(f"no Dask scheduler at {address!r}: {exc}") from exc
         self._pool = self._client.get_executor(pure=False)
         if not self.slots:
