@@ -6,13 +6,14 @@ import os
 import sys
 import time
 from contextlib import nullcontext
+from pathlib import Path
 
 import click
 
 from fsoe_net.campaign.trials import CampaignConfig, class_names
 from fsoe_net.cli.campaign_output import EPILOG, print_end, save_recordings, write_report
 from fsoe_net.cli.inputs import input_options
-from fsoe_net.cli.options import FOLDER, output_option, read_by, refuse_others
+from fsoe_net.cli.options import FILE, FOLDER, output_option, read_by, refuse_others
 from fsoe_net.cli.progress import progress_bar
 from fsoe_net.cli.replay import print_replay
 from fsoe_net.cli.write import check_target, try_folder
@@ -59,6 +60,9 @@ from fsoe_net.simulate.device_logic import device_factory, stdout_to_stderr
     help="Run on the workers of this Dask scheduler: tcp://…, tls://…",
 )
 @click.option(
+    "--resume", type=FILE, metavar="FILE", help="Keep completed work here, and continue from it."
+)
+@click.option(
     "--sub", metavar="MODULE:FACTORY", help="Use your SubInstance instead of the built-in one."
 )
 @click.option(
@@ -93,6 +97,7 @@ def command(
     connection: str | None,
     jobs: int | None,
     cluster: str | None,
+    resume: str | None,
     sub: str | None,
     main: str | None,
     is_replay: bool,
@@ -118,9 +123,7 @@ def command(
     check_target(output, overwrite=overwrite, stdout=True)  # written hours later
     try_folder(save_dir)
     if main or sub:
-        # The device under test is usually a module in the folder of the user.
-        sys.path.insert(0, os.getcwd())
-    # Output of a foreign device must not get into a JSON report.
+        sys.path.insert(0, os.getcwd())  # the device is usually a module in the user's folder
     with stdout_to_stderr() if main or sub else nullcontext():
         links = campaign_links(
             resolution,
@@ -130,18 +133,17 @@ def command(
         )
         config = CampaignConfig(links=links, seed=seed)
         start_s = time.monotonic()
+        kept = Path(resume) if resume else None
         with progress_bar(names[0]) as bar:
             result = run_campaign(
-                config, names, cycles, jobs=jobs, cluster=cluster, on_progress=bar
+                config, names, cycles, jobs=jobs, cluster=cluster, resume=kept, on_progress=bar
             )
         elapsed_s = time.monotonic() - start_s
         saved, broken = save_recordings(result, save_dir)
     # Written before an error is raised: hours of work must not be lost.
     write_report(result, saved, fmt, output, overwrite=overwrite)
-    print_end(result, elapsed_s, output, save_dir)
+    print_end(result, elapsed_s, output, save_dir, resume)
     if broken is not None:
         raise broken
     # 130 is what a shell returns after Ctrl-C.
-    if result.interrupted:
-        ctx.exit(130)
-    ctx.exit(0 if result.passed else 1)
+    ctx.exit(130 if result.interrupted else int(not result.passed))

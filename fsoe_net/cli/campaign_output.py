@@ -31,7 +31,7 @@ nothing is sent to a bus. For --sub and --main see docs/howto/test-your-device.m
 Exit codes: 0 no wrong data were accepted, each end followed its state table, and collisions and
 tolerated faults are within the limits of the catalogue; 1 otherwise, or a file has an error.
 With --replay: 0 every recording replays; 1 a difference, or a file is not a recording. 2 usage
-error; 130 interrupted, with the result so far."""
+error; 130 interrupted, with the result so far; the same command with --resume continues."""
 
 
 def write_report(
@@ -76,16 +76,23 @@ def save_recordings(result: CampaignResult, folder: str | None) -> tuple[Saved, 
 
 
 def print_end(
-    result: CampaignResult, elapsed_s: float, output: str | None, save_dir: str | None
+    result: CampaignResult,
+    elapsed_s: float,
+    output: str | None,
+    save_dir: str | None,
+    resume: str | None,
 ) -> None:
     """Print how much was done, where the report is, and the next step after a failure."""
     done = sum(row.injected for row in result.classes)
     rate = f"{done / elapsed_s:.0f}" if elapsed_s > 0 else "?"
-    echo(f"{done} faults in {elapsed_s:.1f} s, {rate} per second", err=True)
+    speed = f" in {elapsed_s:.1f} s, {rate} per second"
+    echo(f"{done} faults" + (f", with those in {resume}" if resume else speed), err=True)
     if output is not None and output != STDOUT:
         echo(f"report written to {output}", err=True)
     if result.interrupted:
         echo("interrupted: the report holds what was done until then", err=True)
+        if resume:
+            echo("next: the same command continues", err=True)
     if not result.passed and not result.interrupted:
         step = f"`fsoe-net campaign --replay {save_dir}/*.jsonl` shows each failure"
         if save_dir is None:

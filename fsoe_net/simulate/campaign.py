@@ -6,6 +6,7 @@ import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
@@ -24,6 +25,7 @@ from fsoe_net.campaign.trials import (
 from fsoe_net.errors import InputError
 from fsoe_net.fsoe.config import MainConfig
 from fsoe_net.model.resolve import Resolution
+from fsoe_net.simulate.kept_pieces import KeptPieces
 from fsoe_net.simulate.scenario_run import DEFAULT_CYCLE_NS
 from fsoe_net.simulate.setup import choose_setups
 from fsoe_net.simulate.workers import ClusterWorkers, LocalWorkers, Piece, Workers
@@ -118,6 +120,7 @@ def run_campaign(
     *,
     jobs: int | None = None,
     cluster: str | None = None,
+    resume: Path | None = None,
     on_progress: Progress | None = None,
 ) -> CampaignResult:
     """Run a campaign.
@@ -128,6 +131,8 @@ def run_campaign(
         faults: Faults per class.
         jobs: Number of processes; default: one per core, or only this process for few faults.
         cluster: Address of a Dask scheduler whose workers run the campaign instead.
+        resume: File of completed work, which is not done again; it is created if it is missing,
+            and gets what is completed now.
         on_progress: Called in this process several times a second, unless a single fault takes
             longer. Arguments: completed faults, all faults, current class.
 
@@ -136,31 +141,38 @@ def run_campaign(
 
     Raises:
         ConfigError: Unknown class, or a connection that never reaches state Data.
+        InputError: The file of completed work is of another campaign.
         EnvironmentFault: A device under test raised an exception or took its process with it, or
-            the cluster cannot be used.
+            the cluster or the file cannot be used.
     """
     # Chunks are divided by number, not by process, so that the result does not depend on `jobs`.
-    work = [
+    chunks = [
         (name, range(at, min(at + _CHUNK, count)))
         for name in names
         for count in [trial_count(config, name, faults)]
         for at in range(0, count, _CHUNK)
     ]
-    total = sum(len(trials) for _, trials in work)
-    parts: dict[int, ClassResult] = {}
+    work = [(index, name, trials) for index, (name, trials) in enumerate(chunks)]
+    total = sum(len(trials) for _, _, trials in work)
     reports = _Reports(on_progress, total)
     # Starting a process takes longer than a few faults.
     if jobs is None:
         jobs = 1 if total <= _FEW else _cores()
-    steps = _steps(config, work, jobs, cluster, reports)
     interrupted = False
-    try:
-        for index, part in steps:
-            parts[index] = part
-            reports.finished(len(work[index][1]), part.name)
-    # The results so far are kept, because campaigns run for hours.
-    except KeyboardInterrupt:
-        interrupted = True
+    with nullcontext() if resume is None else KeptPieces(resume, config, work) as kept:
+        parts = {} if kept is None else kept.parts
+        for part in parts.values():
+            reports.finished(part.injected, part.name)
+        left = [piece for piece in work if piece[0] not in parts]
+        try:
+            for index, part in _steps(config, left, jobs, cluster, reports):
+                parts[index] = part
+                if kept is not None:
+                    kept.add(index, part)
+                reports.finished(part.injected, part.name)
+        # The results so far are kept, because campaigns run for hours.
+        except KeyboardInterrupt:
+            interrupted = True
     # In the order of the work, whatever the order in which processes finish.
     found = [parts[index] for index in sorted(parts)]
     rows = [[part for part in found if part.name == name] for name in names]
@@ -199,7 +211,7 @@ def save_failures(result: CampaignResult, folder: Path) -> dict[tuple[str, int],
     return saved
 
 
-_Work = Sequence[tuple[str, range]]
+_Work = Sequence[Piece]
 _Steps = Iterator[tuple[int, ClassResult]]
 
 
@@ -238,11 +250,11 @@ def _steps(
         return _together(config, work, ClusterWorkers(cluster), reports)
     if jobs == 1:
         return _alone(config, work, reports)
-    return _together(config, work, LocalWorkers(jobs, len(work)), reports)
+    return _together(config, work, LocalWorkers(jobs, work), reports)
 
 
 def _alone(config: CampaignConfig, work: _Work, reports: _Reports) -> _Steps:
-    for index, (name, trials) in enumerate(work):
+    for index, name, trials in work:
         on_trial = _now_and_then(reports.within, name) if reports.call else None
         yield index, run_trials(config, name, trials, on_trial)
 
@@ -261,7 +273,7 @@ def _now_and_then(tell: Callable[[int, str], None], name: str) -> Callable[[int]
 
 def _together(config: CampaignConfig, work: _Work, workers: Workers, reports: _Reports) -> _Steps:
     """Distribute the work; only a few pieces are queued ahead, so that stopping is fast."""
-    queue = iter([(index, name, trials) for index, (name, trials) in enumerate(work)])
+    queue = iter(work)
     running: dict[Future[Any], Piece] = {}
     try:
         while True:

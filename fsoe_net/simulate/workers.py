@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import gc
 import importlib
+import math
 import multiprocessing
 import os
 import signal
 import sys
 import threading
-from collections.abc import MutableSequence
+from collections.abc import MutableSequence, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any, Protocol
 
+from fsoe_net.campaign.collision_proof import Collision
 from fsoe_net.campaign.trials import CampaignConfig, ClassResult, run_trials
 from fsoe_net.diag.packages import missing_package
 from fsoe_net.errors import EnvironmentFault, FsnError
@@ -52,15 +54,16 @@ class LocalWorkers:
 
     Args:
         jobs: Their number.
-        pieces: Number of pieces of work.
+        work: The pieces of work.
     """
 
-    def __init__(self, jobs: int, pieces: int) -> None:
+    def __init__(self, jobs: int, work: Sequence[Piece]) -> None:
         # With fork, a copy of a thread could hold a lock forever.
         context = multiprocessing.get_context("spawn")
         # Each piece of work has its own place: no lock that a dying process could keep.
-        self._done: MutableSequence[int] = context.RawArray("i", pieces)
-        self.slots = min(jobs, pieces)
+        places = max((index + 1 for index, _, _ in work), default=1)
+        self._done: MutableSequence[int] = context.RawArray("i", places)
+        self.slots = max(1, min(jobs, len(work)))
         self._pool = ProcessPoolExecutor(
             max_workers=self.slots,
             mp_context=context,
@@ -185,7 +188,7 @@ class ClusterWorkers:
                 f"a worker of the cluster has fsoe-net {version!r}, not {__version__}: install one "
                 "version on all machines"
             )
-        if not _is_of(part, config, piece):
+        if not is_of(part, config, piece):
             raise EnvironmentFault("a worker of the cluster returned an invalid result")
         found: ClassResult = part
         return found
@@ -205,8 +208,8 @@ def _run_there(config: CampaignConfig, piece: Piece) -> tuple[str, ClassResult]:
     return __version__, run_trials(config, name, trials)
 
 
-def _is_of(part: object, config: CampaignConfig, piece: Piece) -> bool:
-    """Whether a result has the trials of a piece, each with one outcome."""
+def is_of(part: object, config: CampaignConfig, piece: Piece) -> bool:
+    """Whether a result from elsewhere has the trials of a piece, each with one outcome."""
     _, name, trials = piece
     if not isinstance(part, ClassResult) or part.name != name:
         return False
@@ -216,7 +219,33 @@ def _is_of(part: object, config: CampaignConfig, piece: Piece) -> bool:
         *(part.wrongly_accepted, part.wrong_reactions),
     )
     return (
-        all(type(count) is int and count >= 0 for count in outcomes)
+        _has_numbers(part)
         and sum(outcomes) == part.injected == len(trials)
         and all(row.trial in trials and row.link in links for row in part.failures + part.shown)
+        and all(isinstance(row.reason, str) for row in part.failures)
+        and all(_is_proof(row.proof) for row in part.shown)
+    )
+
+
+def _has_numbers(part: ClassResult) -> bool:
+    counts = (
+        *(part.injected, part.detected, part.tolerated, part.collisions),
+        *(part.wrongly_accepted, part.wrong_reactions, part.exposed, part.exposed_collisions),
+        *(part.latency_sum_ns, part.latency_max_ns, part.latency_min_ns or 0),
+        *part.codes.values(),
+        *(code + 1 for code in part.codes),
+    )
+    shares = (part.expected, part.latency_max_share)
+    return all(type(count) is int and count >= 0 for count in counts) and all(
+        type(share) in (int, float) and 0 <= share < math.inf for share in shares
+    )
+
+
+def _is_proof(proof: Collision) -> bool:
+    return (
+        proof.end in ("main", "sub")
+        and isinstance(proof.frame, bytes)
+        and isinstance(proof.right, bytes)
+        and type(proof.old_crc) is int
+        and type(proof.sequence) is int
     )

@@ -82,6 +82,7 @@ ELSEWHERE = {
     ("log export", "files"),
     ("log incident-table", "files"),
     ("bench", "compare"),
+    ("campaign", "resume"),
     ("console", "script"),
     ("acceptance sign", "key"),
     ("acceptance verify", "signers"),

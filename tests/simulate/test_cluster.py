@@ -145,7 +145,7 @@ def test_results_of_other_work_are_rejected():
     part = run_trials(CONFIG, "loss", range(10))
     link = CONFIG.links[0].name
     failure = Failure(trial=10, link=link, reason=""), Failure(trial=0, link="other", reason="")
-    assert workers._is_of(part, CONFIG, piece)
+    assert workers.is_of(part, CONFIG, piece)
     for wrong in (
         None,
         replace(part, name="delay"),
@@ -155,4 +155,4 @@ def test_results_of_other_work_are_rejected():
         replace(part, detected=float(part.detected)),
         *(replace(part, failures=[row]) for row in failure),
     ):
-        assert not workers._is_of(wrong, CONFIG, piece), wrong
+        assert not workers.is_of(wrong, CONFIG, piece), wrong
