@@ -337,9 +337,12 @@ ANSWERS = {
 
 
 def _answer(world: World, code: str) -> None:
-    """Write a robot whose expression writes the answer: to the one regular file that is open."""
+    """Write a robot whose expression writes the answer: to the one file that is open for writing."""
     find = "import stat\nF = [f for f in range(3, 20) if stat.S_ISREG(_mode(f))][0]\n"
-    mode = "def _mode(f):\n  try: return os.fstat(f).st_mode\n  except OSError: return 0\n"
+    mode = (
+        "def _mode(f):\n  try: return os.write(f, b'') or os.fstat(f).st_mode\n"
+        "  except OSError: return 0\n"
+    )
     _write(world, f"{mode}{find}{code}\nos._exit(0)")
 
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 import ctypes
 import errno
 import os
+import struct
 import sysconfig
 from collections.abc import Sequence
 from ctypes import CDLL, c_char_p, c_int, c_uint, c_uint32, c_uint64, c_void_p
@@ -44,13 +45,6 @@ _CALLS = """
     clock_gettime clock_gettime64 clock_getres clock_getres_time64 gettimeofday time getrusage
     getrandom getpid gettid getuid geteuid getgid getegid exit exit_group restart_syscall
 """
-
-
-class _PathBeneath(ctypes.Structure):
-    """``struct landlock_path_beneath_attr``."""
-
-    _pack_ = 1
-    _fields_ = (("allowed_access", c_uint64), ("parent_fd", c_int))
 
 
 class _ArgumentTest(ctypes.Structure):
@@ -117,10 +111,9 @@ def _restrict_files(libc: CDLL, version: int, readable: Sequence[str]) -> None:
             place = os.open(folder, os.O_PATH | os.O_CLOEXEC | os.O_DIRECTORY)
         except OSError:
             continue
-        rule = _PathBeneath(_READ_FILE | _READ_DIR, place)
-        _checked(
-            libc.syscall(_LANDLOCK_ADD_RULE, rules, _LANDLOCK_PATH_BENEATH, ctypes.byref(rule), 0)
-        )
+        # struct landlock_path_beneath_attr, which is packed
+        rule = struct.pack("=Qi", _READ_FILE | _READ_DIR, place)
+        _checked(libc.syscall(_LANDLOCK_ADD_RULE, rules, _LANDLOCK_PATH_BENEATH, rule, 0))
         os.close(place)
     _checked(libc.syscall(_LANDLOCK_RESTRICT_SELF, rules, 0))
     os.close(rules)
