@@ -337,7 +337,7 @@ ANSWERS = {
 
 
 def _answer(world: World, code: str) -> None:
-    """Write a robot whose expression writes the answer: to the one file that is open for writing."""
+    """Write a robot whose expression writes the answer: to the one file open for writing."""
     find = "import stat\nF = [f for f in range(3, 20) if stat.S_ISREG(_mode(f))][0]\n"
     mode = (
         "def _mode(f):\n  try: return os.write(f, b'') or os.fstat(f).st_mode\n"
