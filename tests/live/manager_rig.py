@@ -3,17 +3,25 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import ClassVar
 
 from live.live_rig import CASES, main, wait_for
 from live.ros2_rig import Drive
-from ros2.manager import Manager, description_of
+from ros2.manager import Manager, cell_of, description_of
 from ros2.package import COUNTS_PER_RAD
 
 DOMAIN = 1  # no other namespace has it
-SHOULDER = """<joint name="shoulder"><param name="subdevice">axis_1</param>
-  <param name="axis">axis_1</param><param name="max_velocity">0.5</param>
+
+
+def axis_of(joint, drive):
+    """Return a joint that is an axis of CiA 402."""
+    return f"""<joint name="{joint}"><param name="subdevice">{drive}</param>
+  <param name="axis">{drive}</param><param name="max_velocity">0.5</param>
+  <param name="auto_fault_reset">true</param>
   <command_interface name="position"/>
   <state_interface name="position"/><state_interface name="velocity"/></joint>"""
+
+
 PARAMETERS = {
     "controller_manager": {
         "update_rate": 100,
@@ -33,20 +41,24 @@ PARAMETERS = {
 
 
 class Shoulder(Drive):
-    """A joint of a controller_manager, and the emulated drive that it is."""
+    """Joints of a controller_manager, and the emulated drives that they are."""
+
+    JOINTS: ClassVar = {"shoulder": "axis_1"}
+    PARAMETERS = PARAMETERS
+    PARAMS: ClassVar = {"misses": 1000, "lost_ms": 2000}
 
     def __init__(self, network, package, scenario):
         super().__init__(network, scenario)
-        params = {"misses": 1000, "lost_ms": 2000}
-        text = description_of(self.running.socket, SHOULDER, **params)
-        self.manager = Manager(Path(), Path(package), text, PARAMETERS, DOMAIN)
+        axes = "".join(axis_of(joint, drive) for joint, drive in self.JOINTS.items())
+        text = description_of(cell_of(self.socket, axes, **self.PARAMS))
+        self.manager = Manager(Path(), Path(package), text, self.PARAMETERS, DOMAIN)
         for name in ("states", "arm", "points", "other"):
             self.manager.goes("load", name)
         self.manager.goes("switch", ["states", "other"], [])
 
-    def counts(self):
-        """Return position and velocity of the joint, in units of the drive."""
-        return [-COUNTS_PER_RAD * value for value in self.manager.joints()["shoulder"]]
+    def counts(self, joint="shoulder"):
+        """Return position and velocity of a joint, in units of the drive."""
+        return [-COUNTS_PER_RAD * value for value in self.manager.joints()[joint]]
 
     def facts(self):
         """State, target and actual position of the drive, and the position of the joint."""
@@ -54,19 +66,22 @@ class Shoulder(Drive):
         return [self.state(), self.object(0x607A), self.object(0x6064), position]
 
     def acknowledge(self):
-        while self.has_sto():
+        while any(map(self.has_sto, self.JOINTS.values())):
             for word in ("release", "press"):
                 self.emulator.do(word)
-                self.counts()
+                self.manager.joints()
+
+    def is_enabled(self):
+        return all(self.state(drive) == self.ENABLED for drive in self.JOINTS.values())
 
     def enable(self, controller="arm"):
         """Activate a controller; again if a busy machine has made the logic take the torque."""
-        while self.state() != self.ENABLED:
+        while not self.is_enabled():
             self.acknowledge()
             if self.manager.ask("states")[controller] == "active":
                 self.manager.goes("switch", [], [controller])
             self.manager.goes("switch", [controller], [])
-            wait_for("operation", lambda: self.state() == self.ENABLED or self.has_sto())
+            wait_for("operation", lambda: self.is_enabled() or self.has_sto())
 
     def stays(self):
         """Wait for long enough to enable a drive that may; return its facts."""
@@ -105,11 +120,11 @@ def managed(network, package, scenario):
     seen = {"unclaimed": axis.stays()}
     axis.enable()
     seen["claimed"] = axis.stays()
-    manager.goes("trajectory", "arm", "shoulder", [-1.1708, 4.0])
+    manager.goes("follow", "arm", ["shoulder"], [4.0, [-1.1708]])
     wait_for("a movement", lambda: axis.object(0x6064) < 16000)
     seen["moving"] = axis.follow(10)
     seen["moved"] = axis.arrives(12212)
-    manager.goes("trajectory", "arm", "shoulder", [-1.5708, 8.0])
+    manager.goes("follow", "arm", ["shoulder"], [8.0, [-1.5708]])
     wait_for("a movement", lambda: axis.object(0x6064) > 12500)
     manager.goes("switch", [], ["arm"])
     seen["target"] = axis.object(0x607A)

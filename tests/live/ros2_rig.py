@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -222,26 +223,34 @@ def axis(network, program, scenario):
 
 
 class Drive:
-    """The emulated drive axis_1, the fsn-master on its bus, and a client that reads its objects."""
+    """Emulated drives, the fsn-master on their bus, and a client that reads their objects."""
 
     ENABLED, DISABLED, FAULT = 0x27, 0x40, 0x08
 
-    def __init__(self, network, scenario):
-        self.emulator = Emulator(network, "--scenario", scenario)
-        self.running = Running(network)
-        self.client = Client(self.running.socket)
+    def __init__(self, network, scenario, cable=""):
+        self.emulator = Emulator(network, "--scenario", scenario, interfaces=(f"far{cable}",))
+        self.network, self.near = network, f"near{cable}"
+        self.socket = Path(tempfile.gettempdir(), self.near)
+        self.start_master()
 
-    def object(self, index):
-        """Return an object of the emulated drive, or of what was sent to it."""
-        name, side = OBJECTS[index]
+    def start_master(self):
+        """Start an fsn-master; `socket` leads to the last one."""
+        self.running = Running(self.network, interfaces=(self.near,))
+        self.client = Client(self.running.socket)
+        self.socket.unlink(missing_ok=True)
+        self.socket.symlink_to(self.running.socket)
+
+    def object(self, index, drive="axis_1"):
+        """Return an object of an emulated drive, or of what was sent to it."""
+        entry, side = OBJECTS[index]
+        name = f"{drive}.{entry}"
         return getattr(self.client.get(name), side)[name]
 
-    def state(self):
-        statusword = self.object(0x6041)
-        return statusword & (0x6F if statusword & 0x20 else 0x4F)
+    def state(self, drive="axis_1"):
+        return state_of(self.object(0x6041, drive))
 
-    def has_sto(self):
-        return bool(self.client.sdo_read("axis_1", 0x60FD, 0, "uint32").value >> 31)
+    def has_sto(self, drive="axis_1"):
+        return bool(self.client.sdo_read(drive, 0x60FD, 0, "uint32").value >> 31)
 
     def press_stop(self, *, pressed):
         """Press the e-stop, or release it."""
@@ -310,12 +319,17 @@ class DrivenAxis(Drive):
 
 
 OBJECTS = {
-    0x6041: ("axis_1.status_word", "inputs"),
-    0x6064: ("axis_1.position", "inputs"),
-    0x606C: ("axis_1.velocity", "inputs"),
-    0x6077: ("axis_1.effort", "inputs"),
-    0x607A: ("axis_1.position", "outputs"),
+    0x6041: ("status_word", "inputs"),
+    0x6064: ("position", "inputs"),
+    0x606C: ("velocity", "inputs"),
+    0x6077: ("effort", "inputs"),
+    0x607A: ("position", "outputs"),
 }
+
+
+def state_of(statusword):
+    """Return the bits of the state of a drive."""
+    return statusword & (0x6F if statusword & 0x20 else 0x4F)
 
 
 def cia402(network, program, scenario):

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
+import re
+import signal
 import subprocess
 import time
 from collections.abc import Callable
@@ -33,13 +36,25 @@ def find_program(package: str, name: str) -> Path | None:
     return next((program for program in programs if program.is_file()), None)
 
 
-def description_of(socket: Path | str, components: str, **params: object) -> str:
-    """Return a robot of one cell, and of a second component whose joint follows its commands."""
+def ros2_words(*words: str) -> list[str]:
+    """Return a command of the installation, such as ``ros2 launch``."""
+    programs = (prefix / "bin" / "ros2" for prefix in prefixes())
+    return [PYTHON, str(next(program for program in programs if program.is_file())), *words]
+
+
+def cell_of(socket: Path | str, components: str, name: str = "cell", **params: object) -> str:
+    """Return a component of ros2_control: the bus that the fsn-master at a socket drives."""
     rows = "".join(f'<param name="{name}">{params[name]}</param>' for name in params)
-    joints = "".join(JOINT.format(name=name) for name in ("shoulder", "second"))
-    return f"""<robot name="robot"><link name="base"/>{joints}
-<ros2_control name="cell" type="system"><hardware><plugin>fsoe_net_ros/CellSystem</plugin>
-  <param name="socket">{socket}</param>{rows}</hardware>{components}</ros2_control>
+    return f"""<ros2_control name="{name}" type="system">
+<hardware><plugin>fsoe_net_ros/CellSystem</plugin>
+  <param name="socket">{socket}</param>{rows}</hardware>{components}</ros2_control>"""
+
+
+def description_of(*cells: str) -> str:
+    """Return a robot of cells, and of another component whose joint follows its commands."""
+    names = [*re.findall(r'<joint name="(\w+)"', "".join(cells)), "second"]
+    joints = "".join(JOINT.format(name=name) for name in names)
+    return f"""<robot name="robot"><link name="base"/>{joints}{"".join(cells)}
 <ros2_control name="mock" type="system">
   <hardware><plugin>mock_components/GenericSystem</plugin></hardware>
   <joint name="second"><command_interface name="position"/>
@@ -83,10 +98,15 @@ class Peer:
         self.process.stdin.flush()
         return json.loads(self.process.stdout.readline())
 
+    def stamped_joints(self) -> tuple[float, Joints]:
+        """Return joint states that were made after the call, and their time."""
+        self.ask("joints")  # on its way already
+        at_s, joints = self.ask("joints")
+        return at_s, {name: tuple(values) for name, values in joints.items()}
+
     def joints(self) -> Joints:
         """Return joint states that were made after the call: position and velocity."""
-        self.ask("joints")  # on its way already
-        return {name: tuple(values) for name, values in self.ask("joints").items()}
+        return self.stamped_joints()[1]
 
     def __enter__(self) -> Peer:
         return self
@@ -96,39 +116,22 @@ class Peer:
         self.process.communicate()
 
 
-class Manager(Peer):
-    """``ros2_control_node`` with a robot description, and a node that drives it.
+class Started(Peer):
+    """A program that runs a controller manager, and a node that drives it.
 
     Args:
-        folder: where its parameters and its log are written.
-        package: what ament has installed of `ros/fsoe_net_ros`.
-        description: the URDF.
-        parameters: of each node, the one of the controller manager as well.
-        domain: the DDS domain.
+        log: where the output of the program is written.
+        environment: of `environment_with`.
+        words: the program and its arguments.
     """
 
-    def __init__(
-        self,
-        folder: Path,
-        package: Path,
-        description: str,
-        parameters: dict[str, dict[str, Any]],
-        domain: int,
-    ) -> None:
-        environment = environment_with(package, domain)
-        rows = {name: {"ros__parameters": values} for name, values in parameters.items()}
-        given = folder / "parameters.yaml"
-        given.write_text(json.dumps(rows), "utf-8")
-        self._log = folder / "manager.log"
-        program = find_program("controller_manager", "ros2_control_node")
-        assert program is not None
-        words = ["--ros-args", "--params-file", str(given)]
-        with self._log.open("w") as log:
+    def __init__(self, log: Path, environment: dict[str, str], *words: str | Path) -> None:
+        self._log = log
+        with log.open("w") as file:
             self.node = subprocess.Popen(
-                tied(program, *words), stdout=log, stderr=log, env=environment
+                tied(*words), stdout=file, stderr=file, env=environment, start_new_session=True
             )
         super().__init__(environment)
-        self.ask("describe", description)
 
     def said(self) -> str:
         return self._log.read_text("utf-8", "replace")
@@ -150,5 +153,35 @@ class Manager(Peer):
 
     def __exit__(self, *_: object) -> None:
         super().__exit__()
-        self.node.kill()
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(self.node.pid, signal.SIGKILL)
         self.node.wait()
+
+
+class Manager(Started):
+    """``ros2_control_node`` with a robot description.
+
+    Args:
+        folder: where its parameters and its log are written.
+        package: what ament has installed of `ros/fsoe_net_ros`.
+        description: the URDF.
+        parameters: of each node, the one of the controller manager as well.
+        domain: the DDS domain.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        package: Path,
+        description: str,
+        parameters: dict[str, dict[str, Any]],
+        domain: int,
+    ) -> None:
+        rows = {name: {"ros__parameters": values} for name, values in parameters.items()}
+        given = folder / "parameters.yaml"
+        given.write_text(json.dumps(rows), "utf-8")
+        program = find_program("controller_manager", "ros2_control_node")
+        assert program is not None
+        words = (program, "--ros-args", "--params-file", given)
+        super().__init__(folder / "manager.log", environment_with(package, domain), *words)
+        self.ask("describe", description)

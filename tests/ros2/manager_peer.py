@@ -10,6 +10,7 @@ import threading
 
 import rclpy
 from builtin_interfaces.msg import Duration
+from control_msgs.action import FollowJointTrajectory
 from controller_manager_msgs.srv import (
     ConfigureController,
     ListControllers,
@@ -19,9 +20,11 @@ from controller_manager_msgs.srv import (
     SwitchController,
 )
 from lifecycle_msgs.msg import State
+from rclpy.action import ActionClient
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
+from tf2_msgs.msg import TFMessage
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 SERVICES = {
@@ -41,10 +44,12 @@ class Peer:
             name: self.node.create_client(kind, f"/controller_manager/{name}")
             for name, kind in SERVICES.items()
         }
-        self.publishers = {}
+        self.commands, self.actions, self.results = {}, {}, {}
         self.received = threading.Condition()
         self.count, self.newest, self.newest_s, self.gap_s = 0, {}, None, 0.0
+        self.transforms = set()
         self.node.create_subscription(JointState, "/joint_states", self.receive, 10)
+        self.node.create_subscription(TFMessage, "/tf", self.transform, 10)
         threading.Thread(target=rclpy.spin, args=[self.node], daemon=True).start()
 
     def receive(self, message):
@@ -58,19 +63,25 @@ class Peer:
             self.count += 1
             self.received.notify_all()
 
+    def transform(self, message):
+        rows = [(row.header.frame_id, row.child_frame_id) for row in message.transforms]
+        self.transforms.update(rows)
+
     def call(self, name, /, **fields):
         client = self.clients[name]
         assert client.wait_for_service(timeout_sec=60.0), name
+        return self.result_of(client.call_async(SERVICES[name].Request(**fields)))
+
+    def result_of(self, future):
         done = threading.Event()
-        future = client.call_async(SERVICES[name].Request(**fields))
         future.add_done_callback(lambda _: done.set())
         done.wait()
         return future.result()
 
     def publish(self, topic, message):
-        while not self.publishers[topic].get_subscription_count():
+        while not self.commands[topic].get_subscription_count():
             pass
-        self.publishers[topic].publish(message)
+        self.commands[topic].publish(message)
 
     def describe(self, text):
         """Publish a robot description, as robot_state_publisher does."""
@@ -80,9 +91,9 @@ class Peer:
 
     def load(self, name):
         """Load and configure a controller, long before it is commanded: DDS must find it."""
-        for kind, topic in ((Float64MultiArray, "commands"), (JointTrajectory, "joint_trajectory")):
-            topic = f"/{name}/{topic}"
-            self.publishers[topic] = self.node.create_publisher(kind, topic, 10)
+        topic, action = f"/{name}/commands", f"/{name}/follow_joint_trajectory"
+        self.commands[topic] = self.node.create_publisher(Float64MultiArray, topic, 10)
+        self.actions[name] = ActionClient(self.node, FollowJointTrajectory, action)
         loaded = self.call("load_controller", name=name).ok
         return loaded and self.call("configure_controller", name=name).ok
 
@@ -107,11 +118,11 @@ class Peer:
         return states | {row.name: row.state for row in rows}
 
     def joints(self):
-        """Wait for the next joint states: a position and a velocity for each name."""
+        """Wait for the next joint states: their time, position and velocity for each name."""
         with self.received:
             count = self.count
             self.received.wait_for(lambda: self.count > count)
-            return self.newest
+            return self.newest_s, self.newest
 
     def gap(self):
         """Return the longest time between two joint states since this was last asked."""
@@ -119,20 +130,43 @@ class Peer:
             gap_s, self.gap_s = self.gap_s, 0.0
         return gap_s
 
+    def frames(self):
+        """Return the transforms received so far, each as a frame and its child."""
+        return sorted(self.transforms)
+
+    def publishers(self):
+        """Return each topic that somebody publishes, and whether late subscribers get its last."""
+        names = [name for name, _ in self.node.get_topic_names_and_types()]
+        rows = {name: self.node.get_publishers_info_by_topic(name) for name in names}
+        last = DurabilityPolicy.TRANSIENT_LOCAL
+        return {n: rows[n][0].qos_profile.durability == last for n in names if rows[n]}
+
     def command(self, controller, *values):
         message = Float64MultiArray(data=values)
         self.publish(f"/{controller}/commands", message)
         return True
 
-    def trajectory(self, controller, joint, *points):
-        """Send points, each a position and when it is to be reached."""
+    def follow(self, controller, joints, *points):
+        """Send a goal, and return whether it is accepted: for each point the time when it is to be
+        reached, positions, and none or all velocities and accelerations."""
         rows = []
-        for position, at_s in points:
+        for at_s, *numbers in points:
             after = Duration(sec=int(at_s), nanosec=int(at_s % 1 * 1e9))
-            rows.append(JointTrajectoryPoint(positions=[position], time_from_start=after))
-        message = JointTrajectory(joint_names=[joint], points=rows)
-        self.publish(f"/{controller}/joint_trajectory", message)
-        return True
+            fields = zip(("positions", "velocities", "accelerations"), numbers, strict=False)
+            rows.append(JointTrajectoryPoint(time_from_start=after, **dict(fields)))
+        trajectory = JointTrajectory(joint_names=joints, points=rows)
+        client = self.actions[controller]
+        assert client.wait_for_server(timeout_sec=60.0), controller
+        goal = FollowJointTrajectory.Goal(trajectory=trajectory)
+        handle = self.result_of(client.send_goal_async(goal))
+        if handle.accepted:
+            self.results[controller] = handle.get_result_async()
+        return handle.accepted
+
+    def outcome(self, controller):
+        """Wait for the end of the last goal; return its status and error code."""
+        done = self.result_of(self.results.pop(controller))
+        return [done.status, done.result.error_code]
 
 
 rclpy.init()

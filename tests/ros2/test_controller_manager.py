@@ -18,9 +18,8 @@ import pytest
 from live.on_the_wire import on_the_wire
 from master.rig import Client, Master
 from master.rig import running as master_running
-from ros2.manager import PYTHON, Manager, description_of, find_program
-from ros2.package import COUNTS_PER_RAD, built_with_ros, motors, reversed_cell
-from ros2.rig import own_domain
+from ros2.manager import Manager, cell_of, description_of, find_program
+from ros2.package import COUNTS_PER_RAD, motors, reversed_cell
 
 pytestmark = pytest.mark.skipif(
     find_program("controller_manager", "ros2_control_node") is None,
@@ -41,17 +40,6 @@ PARAMETERS: dict[str, dict[str, Any]] = {
     "other": {"joints": ["second"], "interface_name": "position"},
 }
 GPIO = '<gpio name="el2904"><command_interface name="standard_1"/></gpio>'
-
-
-@pytest.fixture(scope="session")
-def package() -> Path:
-    return built_with_ros(PYTHON)
-
-
-@pytest.fixture
-def domain() -> Iterator[int]:
-    with own_domain() as domain:
-        yield domain
 
 
 def at(facts: list[float], state: int, position: float) -> bool:
@@ -106,7 +94,7 @@ def test_a_command_that_is_not_a_number_moves_nothing(package: Path, tmp_path: P
 def cell(package: Path, domain: int, tmp_path: Path) -> Iterator[tuple[Manager, Path]]:
     """A manager whose component is not configured yet, and where it looks for fsn-master."""
     socket = tmp_path / "s"
-    text = description_of(socket, GPIO, misses=1000)
+    text = description_of(cell_of(socket, GPIO, misses=1000))
     waits = {"hardware_components_initial_state": {"unconfigured": ["cell"]}}
     parameters = PARAMETERS | {"controller_manager": PARAMETERS["controller_manager"] | waits}
     with Manager(tmp_path, package, text, parameters, domain) as manager:
@@ -233,7 +221,7 @@ def test_the_manager_starts_without_fsn_master(
     name = "hardware_components_initial_state"
     waits = {name: {"shutdown_on_initial_state_failure": False}} if continues else {}
     parameters = {"controller_manager": PARAMETERS["controller_manager"] | waits}
-    text = description_of(tmp_path / "s", GPIO)
+    text = description_of(cell_of(tmp_path / "s", GPIO))
     with Manager(tmp_path, package, text, parameters, domain) as manager:
         if continues:
             manager.until_states(cell="unconfigured", mock="active")

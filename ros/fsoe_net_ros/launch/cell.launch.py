@@ -1,11 +1,21 @@
 """Starts ros2_control with a description that `fsoe-net convert` has written."""
 
+from pathlib import Path
+
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.conditions import IfCondition
 from launch.substitutions import Command, LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
+
+
+def require_description(context):
+    """End here if there is no such file: the traceback of xacro does not end with this reason."""
+    path = LaunchConfiguration("description").perform(context)
+    if not Path(path).is_file():
+        raise RuntimeError(f"{path} is not a file; `fsoe-net convert` writes it from a network")
 
 
 def generate_launch_description():
@@ -29,6 +39,12 @@ def generate_launch_description():
                 "controllers",
                 default_value=PathJoinSubstitution([own, "config", "controllers.yaml"]),
             ),
+            DeclareLaunchArgument(
+                "rviz",
+                default_value="false",
+                description="true: starts rviz2, which must be installed",
+            ),
+            OpaqueFunction(function=require_description),
             Node(
                 package="robot_state_publisher",
                 executable="robot_state_publisher",
@@ -44,6 +60,12 @@ def generate_launch_description():
                 package="controller_manager",
                 executable="spawner",
                 arguments=["joint_state_broadcaster"],
+            ),
+            Node(
+                package="rviz2",
+                executable="rviz2",
+                arguments=["-d", PathJoinSubstitution([own, "config", "cell.rviz"])],
+                condition=IfCondition(LaunchConfiguration("rviz")),
             ),
         ]
     )
