@@ -2,7 +2,16 @@
 
 from __future__ import annotations
 
-from fsoe_net.bench.result import BUSY_SHARE, BenchResult, Measured
+import statistics
+
+from fsoe_net.bench.result import (
+    BUSY_SHARE,
+    LEAST_FREE_SHARE,
+    MOST_ADDED_NS,
+    BenchResult,
+    Loop,
+    Measured,
+)
 from fsoe_net.diag.words import counted
 from fsoe_net.document.model import Cell, Column, Document, Level, Part, Table, Verdict, cell, words
 
@@ -14,13 +23,29 @@ _NAMES = {
     Measured.MONITORED_WAKE_UP: "with a monitor, wake-up late",
     Measured.MONITORED_WORK: "with a monitor, execution time",
     Measured.CLIENT: "real-time client in Python, after the start of the cycle",
+    Measured.WIRE_BARE: "wire, bare send() and recv()",
+    Measured.WIRE_SOEM: "wire, SOEM's own loop",
+    Measured.WIRE_CORE: "wire, cycle: receive, copy, send",
+    Measured.WIRE_ROUND_TRIP: "wire, round trip of a frame of the cycle",
+}
+_LOOPS = {
+    Loop.BARE: "bare send() and recv()",
+    Loop.SOEM: "SOEM's own loop",
+    Loop.CORE: "fsn-master's cycle",
 }
 _HEADS = ("50 %", "99 %", "99.9 %", "most")
-_NOTES = (
-    "Measured on the emulated bus of fsn-master: no interface, no cable, no device. It describes "
-    "this machine at this time. It is not a bound and not a safety statement.",
-    "Not measured: round trips, SOEM's own loop, bare send() and recv(). scripts/bench live in a "
-    "source tree measures them as root.",
+_NOTE = (
+    "Measured in memory, on the emulated bus of fsn-master. It describes this machine at this "
+    "time. It is not a bound and not a safety statement."
+)
+_NOT_ON_A_WIRE = "Not measured: frames on a wire. fsoe-net bench --wire measures them as root."
+_PAIR = (
+    "Wire: a veth pair with emulated SubDevices on the same processor, without a network card. The "
+    "three loops took turns."
+)
+_INTERFACE = (
+    "Wire: {}, with one NOP datagram in each frame, which no SubDevice executes. The cycle of "
+    "fsn-master was not measured there, because it would change states of SubDevices."
 )
 
 
@@ -45,9 +70,60 @@ def bench_document(result: BenchResult) -> Document:
             *_machine("", result),
             Table(name="times", columns=columns, rows=rows),
             words(rate),
-            *(words(note, note=True) for note in _NOTES),
+            words(_NOTE, note=True),
+            *_wire(result),
         ),
     )
+
+
+def goals(result: BenchResult) -> tuple[tuple[Cell, ...], ...]:
+    """Return a row for each figure that has a goal: the figure, the goal, and whether it is met."""
+    added_ns = result.added_ns
+    share = None if result.wire is None else result.wire.free_share(Loop.BARE)
+    if share is None or added_ns is None:
+        return ()
+    return (
+        _goal(
+            "added to bare send() and recv(), 50 %",
+            f"{_us(added_ns)} us",
+            f"<= {_us(MOST_ADDED_NS)} us",
+            added_ns <= MOST_ADDED_NS,
+        ),
+        _goal(
+            "free rate, of bare send() and recv()",
+            f"{share:.2f}",
+            f">= {LEAST_FREE_SHARE}",
+            share >= LEAST_FREE_SHARE,
+        ),
+    )
+
+
+def _goal(name: str, figure: str, goal: str, is_met: bool) -> tuple[Cell, ...]:
+    verdict = Verdict("met", Level.CLEAR) if is_met else Verdict("not met", Level.WARNING)
+    return (cell(name), cell(figure), cell(goal), (verdict,))
+
+
+def _wire(result: BenchResult) -> list[Part]:
+    wire = result.wire
+    if wire is None:
+        return [words(_NOT_ON_A_WIRE, note=True)]
+    loops = [
+        (
+            cell(_LOOPS[loop]),
+            cell(f"{statistics.median(wire.free[loop].per_s):.0f}" if wire.free else "-"),
+            cell(str(cycles.incomplete + (wire.free[loop].incomplete if wire.free else 0))),
+            cell(str(cycles.left_out)),
+        )
+        for loop, cycles in wire.paced.items()
+    ]
+    heads = ("free, cycles/s", "incomplete", "left out")
+    columns = (Column("loop"), *(Column(head, number=True) for head in heads))
+    parts: list[Part] = [Table(name="loops", columns=columns, rows=tuple(loops))]
+    if rows := goals(result):
+        columns = (Column("figure"), *(Column(h) for h in ("measured", "goal", "verdict")))
+        parts.append(Table(name="goals", columns=columns, rows=rows))
+    note = _INTERFACE.format(wire.interface) if wire.interface else _PAIR
+    return [*parts, words(note, note=True)]
 
 
 def comparison_document(first: BenchResult, second: BenchResult) -> Document:

@@ -1,4 +1,4 @@
-"""Measures on the emulated bus of ``fsn-master``: no interface, no frame, no root."""
+"""Measures on the emulated bus of ``fsn-master``, where no frame is sent; and over a wire."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
-from fsoe_net.bench.result import BenchHost, BenchResult, Measured, Times
+from fsoe_net.bench.result import BenchHost, BenchResult, Measured, Times, Wire
+from fsoe_net.bench.wire import measure_wire
 from fsoe_net.core.json_object import clean
 from fsoe_net.core.snapshot import Statistics
 from fsoe_net.errors import EnvironmentFault
@@ -37,10 +38,12 @@ _STAT_FIELDS = 8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BenchPlan:
-    """The cycle, and the time of each of the four parts."""
+    """The cycle, the time of each part, and the wire: none, a veth pair or an interface."""
 
     cycle_ns: int
     seconds: float
+    wire: bool = False
+    interface: str | None = None
 
 
 def bench(plan: BenchPlan, host: Host, report: Callable[[str], None]) -> BenchResult:
@@ -52,11 +55,17 @@ def bench(plan: BenchPlan, host: Host, report: Callable[[str], None]) -> BenchRe
         report: Called with the name of each part before it begins.
 
     Raises:
-        EnvironmentFault: ``fsn-master`` is missing or does not start, or one runs already.
+        EnvironmentFault: A program is missing or does not start, a permission is missing, or an
+            ``fsn-master`` drives a bus.
     """
     find_master()
     refuse_beside_a_bus(host)
     others = others_share(host, _OTHERS_S)
+    wire: Wire | None = None
+    on_wire: dict[Measured, Times] = {}
+    if plan.wire:
+        report("frames on a wire")
+        wire, on_wire = measure_wire(plan.cycle_ns, plan.seconds, plan.interface)
     report("an empty timer")
     timer, realtime = empty_timer(plan)
     report("the cycle alone")
@@ -74,6 +83,7 @@ def bench(plan: BenchPlan, host: Host, report: Callable[[str], None]) -> BenchRe
         Measured.MONITORED_WAKE_UP: Times.of_histogram(monitored.latency),
         Measured.MONITORED_WORK: Times.of_histogram(monitored.work),
         Measured.CLIENT: Times.of_samples(late),
+        **on_wire,
     }
     report("the emulator")
     rate = emulated_per_s()
@@ -85,6 +95,7 @@ def bench(plan: BenchPlan, host: Host, report: Callable[[str], None]) -> BenchRe
         seconds=plan.seconds,
         times=times,
         emulated_per_s=rate,
+        wire=wire,
     )
 
 

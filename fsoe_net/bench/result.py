@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import enum
 import json
+import statistics
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -17,6 +18,11 @@ from fsoe_net.version import __version__
 FORM = 1
 BUSY_SHARE = 0.1
 """Share of the processors used by other processes above which a result is of little use."""
+MOST_ADDED_NS = 2_000
+"""Goal: time that a cycle of fsn-master takes longer at the median than its frames by bare
+``send()`` and ``recv()``."""
+LEAST_FREE_SHARE = 0.97
+"""Goal: rate of the cycle without a period, of that of bare ``send()`` and ``recv()``."""
 _MOST_BYTES = 1 << 20
 
 
@@ -33,6 +39,20 @@ class Measured(enum.StrEnum):
     """The same while a monitor takes ten snapshots a second."""
     CLIENT = "client_wake_up"
     """From the start of a cycle until a real-time client in Python has its inputs."""
+    WIRE_BARE = "wire_bare"
+    """Frames on a wire: sent and received by bare system calls; the limit for the next rows."""
+    WIRE_SOEM = "wire_soem"
+    WIRE_CORE = "wire_core"
+    WIRE_ROUND_TRIP = "wire_round_trip"
+    """From a frame of fsn-master to its reply, as the kernel stamps it."""
+
+
+class Loop(enum.StrEnum):
+    """What exchanges the frames on a wire."""
+
+    BARE = "bare"
+    SOEM = "soem"
+    CORE = "core"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,6 +90,42 @@ class Times:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class WireLoop:
+    """Cycles of one loop.
+
+    Attributes:
+        cycles: Their number.
+        incomplete: Cycles of which a frame, or a working counter, was missing.
+        left_out: Cycles that were too late to run.
+        per_s: Cycles per second in each turn.
+    """
+
+    cycles: int
+    incomplete: int
+    left_out: int
+    per_s: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wire:
+    """Loops that took turns on a wire, with the cycle and free; `interface` "": a veth pair."""
+
+    interface: str
+    paced: Mapping[Loop, WireLoop]
+    free: Mapping[Loop, WireLoop]
+
+    def free_share(self, of: Loop) -> float | None:
+        """Return the free rate of fsn-master as a share of that of another loop.
+
+        It is the median of all turns; ``None`` if one of them was not measured.
+        """
+        if not {Loop.CORE, of} <= self.free.keys():
+            return None
+        pairs = zip(self.free[Loop.CORE].per_s, self.free[of].per_s, strict=False)
+        return statistics.median(core / other for core, other in pairs)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class BenchHost:
     """The machine. ``others_share``: processor time of other processes before and after."""
 
@@ -96,11 +152,19 @@ class BenchResult:
     seconds: float
     times: Mapping[Measured, Times]
     emulated_per_s: float
+    wire: Wire | None = None
     version: str = __version__
+
+    @property
+    def added_ns(self) -> int | None:
+        """How much longer a cycle of fsn-master takes than its frames; ``None``: not measured."""
+        if not {Measured.WIRE_CORE, Measured.WIRE_BARE} <= self.times.keys():
+            return None
+        return self.times[Measured.WIRE_CORE].p50_ns - self.times[Measured.WIRE_BARE].p50_ns
 
     def to_json(self) -> dict[str, object]:
         """Return the document of ``schemas/bench.schema.json``."""
-        row = asdict(self)
+        row = {name: value for name, value in asdict(self).items() if value is not None}
         times = {name.value: asdict(times) for name, times in self.times.items()}
         return {"bench": FORM, **row, "times": times}
 
@@ -128,4 +192,14 @@ def read_result(path: str) -> BenchResult:
 def _result(row: Mapping[str, Any]) -> BenchResult:
     values = {k: v for k, v in row.items() if k != "bench"}
     times = {Measured(name): Times(**times) for name, times in row["times"].items()}
-    return BenchResult(**values | {"host": BenchHost(**row["host"]), "times": times})
+    wire = _wire(row["wire"]) if "wire" in row else None
+    host = BenchHost(**row["host"])
+    return BenchResult(**values | {"host": host, "times": times, "wire": wire})
+
+
+def _wire(row: Mapping[str, Any]) -> Wire:
+    def loops(name: str) -> dict[Loop, WireLoop]:
+        rows = row[name].items()
+        return {Loop(k): WireLoop(**v | {"per_s": tuple(v["per_s"])}) for k, v in rows}
+
+    return Wire(interface=row["interface"], paced=loops("paced"), free=loops("free"))

@@ -11,7 +11,7 @@ from fsoe_net.cli.terminal import echo
 from fsoe_net.errors import InputError
 
 if TYPE_CHECKING:
-    from fsoe_net.live.scan import ScanSource, TakenScan
+    from fsoe_net.live.scan import TakenScan
     from fsoe_net.model.scan import Scan
 
 
@@ -56,14 +56,19 @@ def take_scan(
     source = scan_source(interface, socket=socket, bus=bus)
     echo(source.announcement, err=True)
     if not source.attached and not yes:
-        _ask(source)
+        ask_before("this changes states on the bus")
     return source.take()
 
 
-def _ask(source: ScanSource) -> None:
+def ask_before(effect: str) -> None:
+    """Ask for confirmation at the terminal.
+
+    Raises:
+        click.UsageError: There is no terminal.
+        click.Abort: The user does not confirm.
+    """
     if not sys.stdin.isatty():
         raise click.UsageError(
-            "this changes states on the bus and needs a terminal to ask for confirmation; confirm "
-            "with --yes"
+            f"{effect} and needs a terminal to ask for confirmation; confirm with --yes"
         )
     click.confirm("Go on?", abort=True, err=True)

@@ -1,4 +1,4 @@
-"""Builds ``fsn-master`` with SOEM, from the C source included in this package."""
+"""Builds ``fsn-master`` with SOEM, and ``fsn-bench``, from the C source in this package."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def fetch_soem(folder: Path) -> Path:
 def build_master(
     target: Path, *, soem: Path | None = None, with_soem: bool = True, build: Path | None = None
 ) -> str:
-    """Build ``fsn-master`` and install it.
+    """Build ``fsn-master`` and install it; with SOEM also ``fsn-bench``, in the same folder.
 
     Args:
         target: Path of the program; replaces an old one, while running instances continue.
@@ -100,19 +100,26 @@ def build_master(
             options += ["-DFSN_SOEM=OFF"]
         _run([*cmake, "-S", str(_source()), "-B", str(folder), *options], "cmake", env)
         jobs = str(os.cpu_count() or 1)
-        build_it = [*cmake, "--build", str(folder), "-j", jobs, "--target", "fsn-master"]
-        _run(build_it, "the compiler", env)
-        # Copy, then rename: overwriting the file of a running program fails with "text file busy".
-        fresh = target.with_name(f".{target.name}.new")
-        try:
-            shutil.copy2(folder / "fsn-master", fresh)
-            fresh.replace(target)
-        except OSError as exc:
-            raise EnvironmentFault(
-                f"{target}: {exc.strerror}; --output FILE names a place"
-            ) from exc
+        targets = {"fsn-master": target}
+        if with_soem:
+            targets["fsn-bench"] = target.with_name("fsn-bench")
+        _run(
+            [*cmake, "--build", str(folder), "-j", jobs, "--target", *targets], "the compiler", env
+        )
+        for name, place in targets.items():
+            _install(folder / name, place)
     # Runs the result once, so that a missing library is reported here and not at the bus.
     return _run([str(target), "--version"], str(target), {})
+
+
+def _install(program: Path, target: Path) -> None:
+    # Copy, then rename: overwriting the file of a running program fails with "text file busy".
+    fresh = target.with_name(f".{target.name}.new")
+    try:
+        shutil.copy2(program, fresh)
+        fresh.replace(target)
+    except OSError as exc:
+        raise EnvironmentFault(f"{target}: {exc.strerror}; --output FILE names a place") from exc
 
 
 def _is_soem_1(folder: Path) -> Path:

@@ -188,15 +188,14 @@ static void run_bare(uint64_t cycle_ns, double seconds, int cpu) {
     CHECK(b != NULL);
     forget();
     be_realtime(CYCLE_PRIORITY, cpu);
-    bare_bring_up(b, DEVICES);
+    CHECK(bare_open(b, "near", 0) && bare_bring_up(b, DEVICES));
     uint64_t next = now_ns();
     const uint64_t end = next + (uint64_t)(seconds * 1e9);
     for (uint32_t number = 1; next < end; number++) {
         next += cycle_ns;
         sleep_until(next);
         const uint64_t began = now_ns();
-        ecx_send_processdata(&b->context);
-        ecx_receive_processdata(&b->context, EC_TIMEOUTRET);
+        bare_soem(b);
         keep(&inputs, now_ns() - began);
         const uint64_t value = output_of(number, began);
         memcpy(b->slaves[1].outputs + OUTPUT_BYTE, &value, sizeof value);

@@ -3,7 +3,7 @@
 Call: ``bench_live.py [SECONDS] [CPU]``, as root in a network namespace of its own
 (``scripts/bench live`` makes it). Emulator and MainDevice share a CPU, the emulator has the higher
 priority; devices stand still, so only the cycle is measured. pysoem and KickCAT are called from
-Python, as their users do: the loop of SOEM itself in C is in ``bench_live.c``.
+Python, as their users do: `fsoe-net bench --wire` measures the loop of SOEM itself in C.
 """
 
 from __future__ import annotations
@@ -17,8 +17,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-import yaml
-
+from fsoe_net.bench.wire import write_cells
 from fsoe_net.core.segment import SegmentLink
 from fsoe_net.errors import FsnError
 from fsoe_net.formats.own.network import load_network
@@ -29,41 +28,7 @@ from fsoe_net.plan.compile import compile_plan
 from fsoe_net.simulate.emulate import SegmentSession
 from fsoe_net.simulate.session import counted_session_ids
 
-PAIRS, PRIORITY, TURNS, ATTEMPTS = 5, 60, 3, 6
-DEVICES = Path(__file__).parents[2] / "examples" / "estop" / "devices"
-
-
-def network(folder: Path) -> Path:
-    """Write the e-stop cell five times over: ten SubDevices, five connections."""
-    subdevices, transfers, connections = [], [], []
-    for n in range(PAIRS):
-        for place, name in enumerate(("ek1914", "el1918")):
-            config = str(DEVICES / f"{name}.yaml")
-            subdevices.append({"name": f"{name}_{n}", "position": 2 * n + place, "config": config})
-        logic, coupler = f"el1918_{n}", f"ek1914_{n}"
-        for here, there, outputs in ((coupler, logic, 0x7080), (logic, coupler, 0x7000)):
-            inputs = 0x6000 if here == coupler else 0x6080
-            transfers.append(
-                [
-                    {"ec_module": here, "index": inputs, "subindex": 1},
-                    {"ec_module": there, "index": outputs, "subindex": 1},
-                ]
-            )
-        facts = {"address": 14 + n, "connection_id": 1 + n, "watchdog_ms": 100}
-        connections.append({"main": logic, "sub": coupler, **facts})
-    nets = [
-        {
-            "name": f"net_{n}",
-            "safety_master": f"el1918_{n}",
-            "transfers": [{"size": 6, "in": a, "out": b} for a, b in transfers[2 * n : 2 * n + 2]],
-            "connections": [connections[n]],
-        }
-        for n in range(PAIRS)
-    ]
-    path = folder / "network.yaml"
-    text = {"version": 1, "name": "ten", "cycle_us": 1000, "subdevices": subdevices, "nets": nets}
-    path.write_text(yaml.safe_dump(text), "utf-8")
-    return path
+PRIORITY, TURNS, ATTEMPTS = 60, 3, 6
 
 
 def be_cyclic(cpu: int | None) -> None:
@@ -167,7 +132,7 @@ def main() -> None:
     seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 8.0
     cpu = int(sys.argv[2]) if len(sys.argv) > 2 else max(os.sched_getaffinity(0))
     with tempfile.TemporaryDirectory() as folder:
-        loaded = load_network([network(Path(folder))])
+        loaded = load_network([write_cells(Path(folder))])
         resolution = resolve(loaded.network)
         data = compile_plan(resolution).to_bytes()
         plan = Path(folder) / "ten.fsnplan"

@@ -1,4 +1,7 @@
-"""`fsoe-net bench`: a short measurement, its document, and the comparison of two results."""
+"""`fsoe-net bench`: a short measurement, its document, and the comparison of two results.
+
+What needs a wire is in ``test_wire.py``.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +12,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bench.made_result import SCHEMA, result, write
 from cli.tool import fsn
 from jsonschema import Draft202012Validator
-from live.support import ROOT, needs_core
+from live.support import needs_core
 from master.rig import program
 
 from fsoe_net.bench.document import bench_document
@@ -20,26 +24,6 @@ from fsoe_net.bench.result import Measured, Times, read_result
 from fsoe_net.document.write_terminal import document_text
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.host.seam import Host, Unreadable
-
-SCHEMA = json.loads((ROOT / "schemas/bench.schema.json").read_text("utf-8"))
-
-
-def result(**values: object) -> dict:
-    times = {"count": 10, "p50_ns": 1000, "p99_ns": 2000, "p999_ns": 3000, "max_ns": 4000}
-    host = {
-        "kernel": "6.1", "processor": "p", "cpus": 4, "warnings": 1, "realtime": True,
-        "others_share": 0.02,
-    }  # fmt: skip
-    return {
-        "bench": 1, "version": "0.1.0", "utc": "2026-11-28T12:00:00Z", "host": host,
-        "cycle_ns": 1_000_000, "seconds": 1.0, "emulated_per_s": 9000.0,
-        "times": {name.value: times for name in Measured},
-    } | values  # fmt: skip
-
-
-def write(path: Path, row: object) -> str:
-    path.write_text(json.dumps(row), "utf-8")
-    return str(path)
 
 
 class NoBus(Host):
@@ -59,13 +43,15 @@ def test_a_measurement_follows_its_schema_and_can_be_compared(tmp_path, monkeypa
     Draft202012Validator(SCHEMA).validate(row)
     assert read_result(path) == done
     assert len(parts) == 5
-    assert set(row["times"]) == {name.value for name in Measured}
+    in_memory = {name.value for name in Measured if not name.startswith("wire_")}
+    assert (set(row["times"]), "wire" in row) == (in_memory, False)
     assert row["times"]["empty_timer"]["count"] == 150
     assert row["times"]["cycle_wake_up"]["count"] > 0
     assert row["emulated_per_s"] > 0
     for times in row["times"].values():
         assert times["p50_ns"] <= times["p99_ns"] <= times["p999_ns"] <= times["max_ns"]
     text = document_text(bench_document(done))
+    assert "Not measured: frames on a wire" in text
     assert "empty timer, wake-up late" in text
     assert "not a safety statement" in text
     same = fsn("bench", "--compare", path, path)
@@ -156,6 +142,8 @@ def test_usage_errors(tmp_path):
         (("-o", "x.txt"), 2, "name a file that ends in .html or .json"),
         (("--compare", path, path, "--cycle", "1ms"), 2, "--cycle does not go with --compare"),
         (("--duration", "1h", "--cycle", "50us"), 2, "more than 10 million cycles"),
+        (("--wire", "--interface", "lo"), 2, "leave it or --interface out"),
+        (("--interface", "lo"), 2, "needs a terminal to ask for confirmation"),
         (("--compare", path, path, "-o", path), 1, f"{path} exists"),
         (("--compare", path, "/nothere"), 1, "/nothere cannot be read"),
     ):
