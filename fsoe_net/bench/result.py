@@ -97,7 +97,7 @@ class WireLoop:
         cycles: Their number.
         incomplete: Cycles of which a frame, or a working counter, was missing.
         left_out: Cycles that were too late to run.
-        per_s: Cycles per second in each turn.
+        per_s: Cycles per second in each turn, by the median period.
     """
 
     cycles: int

@@ -62,7 +62,7 @@ def main() -> None:
         threading.Thread(target=send_foreign, args=(over,), daemon=True).start()
     row: dict[str, object] = {}
     try:
-        wire, times = measure_wire(1_000_000, 0.2, "near")
+        wire, times = measure_wire(1_000_000, 1.0, "near")
         row["loops"] = {name: loop.cycles for name, loop in wire.paced.items()}
         row["times"] = {name: value.count for name, value in times.items()}
         row["free"] = len(wire.free)

@@ -28,6 +28,7 @@
 #include "fsn/live.h"
 #include "fsn/segment.h"
 #include "live/port.h"
+#include "times.h"
 
 enum { PRIORITY = 60, TURNS = 5, LISTEN_NS = 100000000, SETTLE_US = 100000 };
 enum { EXIT_ENVIRONMENT = 3, MOST_NOP = 1486, MOST_PLAN = 1 << 24 };
@@ -35,7 +36,7 @@ enum who { BARE, SOEM, CORE, WHO };
 
 struct measured {
     uint64_t cycles, incomplete, left_out;
-    double per_s[TURNS];
+    double per_s[TURNS]; /**< by the median period, which a stall of the machine does not change */
     struct fsn_histogram work, round_trip;
 };
 
@@ -67,62 +68,6 @@ static void sleep_until(uint64_t at_ns) {
     }
 }
 
-/* -- times ---------------------------------------------------------------------------------- */
-
-static uint32_t bucket_of(uint64_t time_ns) {
-    uint32_t low = 0;
-    for (uint32_t above = FSN_BUCKETS; above - low > 1;) {
-        const uint32_t middle = (low + above) / 2;
-        if (fsn_histogram_floor(middle) <= time_ns) {
-            low = middle;
-        } else {
-            above = middle;
-        }
-    }
-    return low;
-}
-
-static void count(struct fsn_histogram *h, uint64_t time_ns) {
-    h->bucket[bucket_of(time_ns)]++;
-    h->count++;
-    h->max_ns = time_ns > h->max_ns ? time_ns : h->max_ns;
-}
-
-/** Adds the times between two snapshots of the core; its greatest one is that since its start. */
-static void add(struct fsn_histogram *sum, const struct fsn_histogram *from,
-                const struct fsn_histogram *to) {
-    for (uint32_t b = 0; b < FSN_BUCKETS; b++) {
-        sum->bucket[b] += to->bucket[b] - from->bucket[b];
-    }
-    sum->count += to->count - from->count;
-    sum->max_ns = to->max_ns > sum->max_ns ? to->max_ns : sum->max_ns;
-}
-
-/** The time that a share of all times does not exceed, between the ends of its bucket by rank: two
- *  medians are compared, and a bucket is as wide as what they may differ by. */
-static uint64_t at_most(const struct fsn_histogram *h, uint32_t per_million) {
-    const uint64_t rank = (h->count * per_million + 999999) / 1000000;
-    uint64_t below = 0;
-    for (uint32_t b = 0; b + 1 < FSN_BUCKETS; b++) {
-        if (h->bucket[b] > 0 && below + h->bucket[b] >= rank) {
-            const uint64_t floor_ns = fsn_histogram_floor(b);
-            const uint64_t wide_ns = fsn_histogram_floor(b + 1) - floor_ns;
-            const uint64_t time_ns = floor_ns + wide_ns * (rank - below) / h->bucket[b];
-            return time_ns < h->max_ns ? time_ns : h->max_ns;
-        }
-        below += h->bucket[b];
-    }
-    return h->max_ns;
-}
-
-static void print_times(const char *name, const struct fsn_histogram *h) {
-    printf("\"%s\":{\"count\":%llu,\"p50_ns\":%llu,\"p99_ns\":%llu,\"p999_ns\":%llu,"
-           "\"max_ns\":%llu}",
-           name, (unsigned long long)h->count, (unsigned long long)at_most(h, 500000),
-           (unsigned long long)at_most(h, 990000), (unsigned long long)at_most(h, 999000),
-           (unsigned long long)h->max_ns);
-}
-
 static void print_measured(const char *name, const struct measured *m) {
     printf("\"%s\":{\"cycles\":%llu,\"incomplete\":%llu,\"left_out\":%llu,\"per_s\":[", name,
            (unsigned long long)m->cycles, (unsigned long long)m->incomplete,
@@ -131,10 +76,10 @@ static void print_measured(const char *name, const struct measured *m) {
         printf("%s%.1f", turn > 0 ? "," : "", m->per_s[turn]);
     }
     printf("],");
-    print_times("work", &m->work);
+    times_print("work", &m->work);
     if (m->round_trip.count > 0) { /* of the others it is their work */
         printf(",");
-        print_times("round_trip", &m->round_trip);
+        times_print("round_trip", &m->round_trip);
     }
     printf("}");
 }
@@ -162,23 +107,28 @@ static void repeat(const struct bench *bench, bool (*cycle)(struct bare *b), str
                    uint64_t cycle_ns, int turn, struct measured *m) {
     const uint64_t begin = now_ns();
     const uint64_t end = begin + (uint64_t)(bench->seconds / TURNS * 1e9);
+    static struct fsn_histogram period;
+    memset(&period, 0, sizeof period);
     uint64_t next = begin;
-    uint64_t cycles = 0;
-    for (uint64_t start = begin; start < end; cycles++) {
+    uint64_t before = 0;
+    for (uint64_t start = begin; start < end; m->cycles++) {
         if (cycle_ns > 0) {
             next += cycle_ns;
             sleep_until(next);
         }
         start = now_ns();
+        if (before != 0) {
+            times_count(&period, start - before);
+        }
+        before = start;
         m->incomplete += !cycle(b);
-        count(&m->work, now_ns() - start);
+        times_count(&m->work, now_ns() - start);
         if (cycle_ns > 0 && start >= next + cycle_ns) {
             m->left_out += (start - next) / cycle_ns;
             next += (start - next) / cycle_ns * cycle_ns;
         }
     }
-    m->cycles += cycles;
-    m->per_s[turn] = (double)cycles * 1e9 / (double)(now_ns() - begin);
+    m->per_s[turn] = times_median_per_s(&period);
 }
 
 static void run_bare(const struct bench *bench, bool (*cycle)(struct bare *b), uint64_t cycle_ns,
@@ -192,9 +142,6 @@ static void run_bare(const struct bench *bench, bool (*cycle)(struct bare *b), u
         refuse("SOEM does not bring the emulated SubDevices to OP", "");
     }
     repeat(bench, cycle, b, cycle_ns, turn, m);
-    if (m->incomplete == m->cycles) {
-        refuse(bench->interface, "no frame comes back; check cable and power of the SubDevices");
-    }
     bare_end(b);
     be_cyclic(bench->cpu, false);
     usleep(SETTLE_US); /* or its last frames would look like another MainDevice */
@@ -203,9 +150,9 @@ static void run_bare(const struct bench *bench, bool (*cycle)(struct bare *b), u
 
 /* -- our core ------------------------------------------------------------------------------- */
 
-/** A cycle that never waits can be faster than every attempt. */
+/** Waits for the first cycle; one that never waits can also be faster than an attempt. */
 static void take_snapshot(struct fsn_core *core, struct fsn_statistics *statistics) {
-    while (fsn_core_snapshot(core, statistics, NULL, NULL) == FSN_E_BUSY) {
+    while (fsn_core_snapshot(core, statistics, NULL, NULL) != FSN_OK) {
         usleep(1000);
     }
 }
@@ -221,13 +168,15 @@ static void observe(const struct bench *bench, struct fsn_core *core, int turn,
         fsn_core_poll(core, FSN_AL_OP, now_ns());
     }
     take_snapshot(core, &to);
-    const uint64_t cycles = to.cycles - from.cycles;
-    m->cycles += cycles;
+    static struct fsn_histogram period;
+    memset(&period, 0, sizeof period);
+    times_add(&period, &from.period, &to.period);
+    m->per_s[turn] = times_median_per_s(&period);
+    m->cycles += to.cycles - from.cycles;
     m->incomplete += to.wkc_errors - from.wkc_errors;
     m->left_out += to.overruns - from.overruns;
-    m->per_s[turn] = (double)cycles * 1e9 / (double)(to.now_ns - from.now_ns);
-    add(&m->work, &from.work, &to.work);
-    add(&m->round_trip, &from.round_trip, &to.round_trip);
+    times_add(&m->work, &from.work, &to.work);
+    times_add(&m->round_trip, &from.round_trip, &to.round_trip);
 }
 
 static void run_core(const struct bench *bench, uint64_t cycle_ns, int turn, struct measured *m) {
@@ -267,6 +216,9 @@ static void measure(const struct bench *bench, const char *name, uint64_t cycle_
         if (bench->nop_bytes == 0) {
             run_core(bench, cycle_ns, turn, &all[CORE]);
         }
+    }
+    if (all[BARE].incomplete == all[BARE].cycles) {
+        refuse(bench->interface, "no frame comes back; check cable and power of the SubDevices");
     }
     printf("\"%s\":{", name);
     print_measured("bare", &all[BARE]);
