@@ -17,11 +17,14 @@ from pathlib import Path
 import click
 from shown import sections
 
+from fsoe_net.bench.document import bench_document
+from fsoe_net.bench.result import read_result
 from fsoe_net.cli.main import GROUPS, cli
 from fsoe_net.cli.options import named_folders
 from fsoe_net.cli.output import print_diagnostics
 from fsoe_net.diag.catalogue import CATALOGUE
 from fsoe_net.document.style import PICTURES, STYLE
+from fsoe_net.document.write_markdown import document_markdown
 from fsoe_net.formats.own.network import load_network
 from fsoe_net.model.resolve import resolve
 from fsoe_net.project.check import check_files
@@ -156,6 +159,8 @@ def fill_in(page: str, text: str) -> str:
         return text.replace("<!-- robot -->\n", _robot())
     if page == "reference/validation":
         return text.replace("<!-- requirements -->\n", sections())
+    if page == "performance/index":
+        return text.replace("<!-- reports -->\n", _reports())
     if page == "reference/runtimes":
         return text.replace("<!-- effects -->\n", _effects())
     if page != f"diagnostics/{code}" or code not in CATALOGUE:
@@ -182,6 +187,15 @@ def _gallery() -> str:
             f"`examples/{name}`, in []({page})\n:::\n"
         )
     return "::::{container} cards gallery\n" + "\n".join(cards) + "::::\n"
+
+
+def _reports() -> str:
+    """Return the report of each machine, one heading below the page."""
+    parts = []
+    for file in sorted((ROOT / "docs" / "performance").glob("*.json")):
+        _, _, report = document_markdown(bench_document(read_result(str(file)))).partition("\n")
+        parts.append(f"## {file.stem}\n{report}")
+    return "\n".join(parts)
 
 
 def _robot() -> str:

@@ -63,6 +63,20 @@ def test_the_gallery_draws_each_example_with_a_report():
         assert (DOCS / page).is_file()
 
 
+def test_the_page_of_performance_has_the_figures_of_each_report():
+    text = generated.fill_in(
+        "performance/index", (DOCS / "performance/index.md").read_text("utf-8")
+    )
+    files = sorted((DOCS / "performance").glob("*.json"))
+    assert files
+    for file in files:
+        row = json.loads(file.read_text("utf-8"))
+        section = text.partition(f"## {file.stem}\n")[2].partition("\n## ")[0]
+        assert row["utc"] in section
+        for times in row["times"].values():
+            assert f" {times['p999_ns'] / 1000:.1f} " in section
+
+
 def test_each_reader_has_a_card_whose_pages_exist():
     text = (DOCS / "index.md").read_text("utf-8")
     cards = re.findall(r"\{container\} card\n\*\*(.*?)\*\*\n(.*?)::::", text, flags=re.S)

@@ -35,8 +35,8 @@ _LOOPS = {
 }
 _HEADS = ("50 %", "99 %", "99.9 %", "most")
 _NOTE = (
-    "Measured in memory, on the emulated bus of fsn-master. It describes this machine at this "
-    "time. It is not a bound and not a safety statement."
+    "Rows without a wire: in memory, on the emulated bus of fsn-master. The figures describe this "
+    "machine at this time. They are not a bound and not a safety statement."
 )
 _NOT_ON_A_WIRE = "Not measured: frames on a wire. fsoe-net bench --wire measures them as root."
 _PAIR = (
