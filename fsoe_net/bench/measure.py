@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
-from fsoe_net.bench.result import BenchHost, BenchResult, Measured, Times, Wire
+from fsoe_net.bench.result import BenchHost, BenchResult, Measured, Times, WireResult
 from fsoe_net.bench.wire import measure_wire
 from fsoe_net.core.json_object import clean
 from fsoe_net.core.snapshot import Statistics
@@ -61,7 +61,7 @@ def bench(plan: BenchPlan, host: Host, report: Callable[[str], None]) -> BenchRe
     find_master()
     refuse_beside_a_bus(host)
     others = others_share(host, _OTHERS_S)
-    wire: Wire | None = None
+    wire: WireResult | None = None
     on_wire: dict[Measured, Times] = {}
     if plan.wire:
         report("frames on a wire")

@@ -107,7 +107,7 @@ class WireLoop:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Wire:
+class WireResult:
     """Loops that took turns on a wire, with the cycle and free; `interface` "": a veth pair."""
 
     interface: str
@@ -152,7 +152,7 @@ class BenchResult:
     seconds: float
     times: Mapping[Measured, Times]
     emulated_per_s: float
-    wire: Wire | None = None
+    wire: WireResult | None = None
     version: str = __version__
 
     @property
@@ -197,9 +197,9 @@ def _result(row: Mapping[str, Any]) -> BenchResult:
     return BenchResult(**values | {"host": host, "times": times, "wire": wire})
 
 
-def _wire(row: Mapping[str, Any]) -> Wire:
+def _wire(row: Mapping[str, Any]) -> WireResult:
     def loops(name: str) -> dict[Loop, WireLoop]:
         rows = row[name].items()
         return {Loop(k): WireLoop(**v | {"per_s": tuple(v["per_s"])}) for k, v in rows}
 
-    return Wire(interface=row["interface"], paced=loops("paced"), free=loops("free"))
+    return WireResult(interface=row["interface"], paced=loops("paced"), free=loops("free"))

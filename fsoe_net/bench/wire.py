@@ -11,7 +11,7 @@ from typing import Any
 
 import yaml
 
-from fsoe_net.bench.result import Loop, Measured, Times, Wire, WireLoop
+from fsoe_net.bench.result import Loop, Measured, Times, WireLoop, WireResult
 from fsoe_net.core.json_object import clean
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.live.master import find_master
@@ -57,7 +57,7 @@ def write_cells(folder: Path) -> Path:
 
 def measure_wire(
     cycle_ns: int, seconds: float, interface: str | None
-) -> tuple[Wire, dict[Measured, Times]]:
+) -> tuple[WireResult, dict[Measured, Times]]:
     """Measure bare system calls, SOEM's functions and the core of fsn-master in turn.
 
     Args:
@@ -83,7 +83,7 @@ def measure_wire(
         reason = clean(done.stderr.decode("utf-8", "replace").strip())
         raise EnvironmentFault(f"{_PROGRAM}: {reason or f'exit code {done.returncode}'}")
     row = json.loads(done.stdout)
-    wire = Wire(
+    wire = WireResult(
         interface=interface or "",
         paced=_loops(row["paced"]),
         free=_loops(row.get("free", {})),
