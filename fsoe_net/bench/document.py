@@ -91,7 +91,7 @@ def goals(result: BenchResult) -> tuple[tuple[Cell, ...], ...]:
         ),
         _goal(
             "free rate, of bare send() and recv()",
-            f"{share:.2f}",
+            f"{share:.3f}",
             f">= {LEAST_FREE_SHARE}",
             share >= LEAST_FREE_SHARE,
         ),
