@@ -20,6 +20,8 @@ from fsoe_net.project.installed import shipped
 
 _CELLS = 5
 _PROGRAM = "fsn-bench"
+_LOOPS = 6  # three, with the cycle and free
+_START_S = 120.0  # for starts and ends of the bus between their turns
 
 
 def find_bench() -> str:
@@ -76,9 +78,16 @@ def measure_wire(
         plan.write_bytes(load(write_cells(folder)).compile().to_bytes())
         words = [program, str(plan), f"{seconds:g}", str(cycle_ns), str(cpu)]
         words += [] if interface is None else [interface]
-        done = subprocess.run(  # noqa: S603  # a list, no shell
-            words, stdin=subprocess.DEVNULL, capture_output=True, check=False
-        )
+        most_s = _LOOPS * seconds + _START_S
+        try:
+            done = subprocess.run(  # noqa: S603  # a list, no shell
+                words, stdin=subprocess.DEVNULL, capture_output=True, check=False, timeout=most_s
+            )
+        except subprocess.TimeoutExpired as exc:
+            raise EnvironmentFault(
+                f"{_PROGRAM} did not end within {most_s:.0f} s and was stopped; repeat it on a "
+                "machine with less load"
+            ) from exc
     if done.returncode != 0:
         reason = clean(done.stderr.decode("utf-8", "replace").strip())
         raise EnvironmentFault(f"{_PROGRAM}: {reason or f'exit code {done.returncode}'}")

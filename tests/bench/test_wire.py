@@ -14,6 +14,7 @@ from cli.tool import fsn
 from jsonschema import Draft202012Validator
 from wires import missing, run_program
 
+from fsoe_net.bench import wire
 from fsoe_net.bench.document import bench_document
 from fsoe_net.bench.result import Loop, Measured, read_result
 from fsoe_net.bench.wire import find_bench, measure_wire
@@ -83,17 +84,17 @@ def test_a_result_without_the_loops_has_no_goals(tmp_path):
 
 def test_a_wire_has_three_loops_and_survives_its_file(tmp_path):
     needs_a_wire()
-    wire, times = measure_wire(1_000_000, 0.5, None)
-    assert set(wire.paced) == set(wire.free) == set(Loop)
-    for each in (*wire.paced.values(), *wire.free.values()):
+    found, times = measure_wire(1_000_000, 0.5, None)
+    assert set(found.paced) == set(found.free) == set(Loop)
+    for each in (*found.paced.values(), *found.free.values()):
         assert 0 <= each.incomplete < each.cycles
         assert min(each.per_s) > 0
     for name in (Measured.WIRE_BARE, Measured.WIRE_SOEM, Measured.WIRE_CORE):
         assert 0 < times[name].p50_ns <= times[name].p999_ns <= times[name].max_ns
-    assert times[Measured.WIRE_BARE].count == wire.paced[Loop.BARE].cycles
-    free = {loop: wire.free[loop].per_s for loop in Loop}
+    assert times[Measured.WIRE_BARE].count == found.paced[Loop.BARE].cycles
+    free = {loop: found.free[loop].per_s for loop in Loop}
     shares = [core / bare for core, bare in zip(free["core"], free["bare"], strict=True)]
-    assert wire.free_share(Loop.BARE) == median(shares)
+    assert found.free_share(Loop.BARE) == median(shares)
 
 
 def test_an_interface_carries_nothing_but_nops():
@@ -118,11 +119,22 @@ def test_an_interface_without_devices_or_with_a_main_is_refused(case, fault):
     assert seen["commands"] in ([], [0])
 
 
-def test_a_missing_program_names_the_next_step(tmp_path):
-    master = tmp_path / "fsn-master"
-    master.write_text("#!/bin/sh\n", "utf-8")
-    master.chmod(0o755)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("FSN_MASTER", str(master))
-        with pytest.raises(EnvironmentFault, match=r"fsn-bench is missing.*install-master"):
-            find_bench()
+def program(path: Path, text: str = "") -> None:
+    path.write_text(f"#!/bin/sh\n{text}\n", "utf-8")
+    path.chmod(0o755)
+
+
+def test_a_missing_program_names_the_next_step(tmp_path, monkeypatch):
+    program(tmp_path / "fsn-master")
+    monkeypatch.setenv("FSN_MASTER", str(tmp_path / "fsn-master"))
+    with pytest.raises(EnvironmentFault, match=r"fsn-bench is missing.*install-master"):
+        find_bench()
+
+
+def test_a_program_that_hangs_is_stopped(tmp_path, monkeypatch):
+    program(tmp_path / "fsn-master")
+    program(tmp_path / "fsn-bench", "exec sleep 600")
+    monkeypatch.setenv("FSN_MASTER", str(tmp_path / "fsn-master"))
+    monkeypatch.setattr(wire, "_START_S", 0.0)
+    with pytest.raises(EnvironmentFault, match="fsn-bench did not end within 1 s"):
+        measure_wire(1_000_000, 0.1, None)
