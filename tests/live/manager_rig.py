@@ -43,6 +43,7 @@ PARAMETERS = {
 class Shoulder(Drive):
     """Joints of a controller_manager, and the emulated drives that they are."""
 
+    cell = "cell"
     JOINTS: ClassVar = {"shoulder": "axis_1"}
     PARAMETERS = PARAMETERS
     PARAMS: ClassVar = {"misses": 1000, "lost_ms": 2000}
@@ -75,13 +76,17 @@ class Shoulder(Drive):
         return all(self.state(drive) == self.ENABLED for drive in self.JOINTS.values())
 
     def enable(self, controller="arm"):
-        """Activate a controller; again if a busy machine has made the logic take the torque."""
+        """Activate a controller; again if a busy machine has ended the hardware, or has made the
+        logic take the torque."""
         while not self.is_enabled():
+            self.manager.ask("hardware", self.cell, "active")
             self.acknowledge()
             if self.manager.ask("states")[controller] == "active":
-                self.manager.goes("switch", [], [controller])
-            self.manager.goes("switch", [controller], [])
-            wait_for("operation", lambda: self.is_enabled() or self.has_sto())
+                self.manager.ask("switch", [], [controller])
+            self.manager.ask("switch", [controller], [])
+            for _ in range(50):
+                if not self.is_enabled():
+                    self.manager.joints()
 
     def stays(self):
         """Wait for long enough to enable a drive that may; return its facts."""

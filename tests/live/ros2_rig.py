@@ -7,12 +7,14 @@ import signal
 import sys
 import tempfile
 import time
+from contextlib import suppress
 from pathlib import Path
 
 from live.live_rig import CASES, Emulator, Running, main, wait_for
 from ros2.caller import Caller
 from ros2.rig import Peer, System, bridged, typestore
 
+from fsoe_net.errors import FsnError
 from fsoe_net.live.client import Client
 from fsoe_net.live.master import find_master
 from fsoe_net.ros2 import messages
@@ -250,7 +252,11 @@ class Drive:
         return state_of(self.object(0x6041, drive))
 
     def has_sto(self, drive="axis_1"):
-        return bool(self.client.sdo_read(drive, 0x60FD, 0, "uint32").value >> 31)
+        def read():
+            with suppress(FsnError):  # a busy machine: no answer in time
+                return self.client.sdo_read(drive, 0x60FD, 0, "uint32")
+
+        return bool(wait_for("digital inputs", read).value >> 31)
 
     def press_stop(self, *, pressed):
         """Press the e-stop, or release it."""

@@ -72,11 +72,11 @@ class Peer:
         assert client.wait_for_service(timeout_sec=60.0), name
         return self.result_of(client.call_async(SERVICES[name].Request(**fields)))
 
-    def result_of(self, future):
+    def result_of(self, future, longest_s=None):
+        """Wait for a result; none: it has not come in this time."""
         done = threading.Event()
         future.add_done_callback(lambda _: done.set())
-        done.wait()
-        return future.result()
+        return future.result() if done.wait(longest_s) else None
 
     def publish(self, topic, message):
         while not self.commands[topic].get_subscription_count():
@@ -148,7 +148,8 @@ class Peer:
 
     def follow(self, controller, joints, *points):
         """Send a goal, and return whether it is accepted: for each point the time when it is to be
-        reached, positions, and none or all velocities and accelerations."""
+        reached, positions, and none or all velocities and accelerations. A busy installation has
+        lost goals."""
         rows = []
         for at_s, *numbers in points:
             after = Duration(sec=int(at_s), nanosec=int(at_s % 1 * 1e9))
@@ -158,15 +159,16 @@ class Peer:
         client = self.actions[controller]
         assert client.wait_for_server(timeout_sec=60.0), controller
         goal = FollowJointTrajectory.Goal(trajectory=trajectory)
-        handle = self.result_of(client.send_goal_async(goal))
-        if handle.accepted:
-            self.results[controller] = handle.get_result_async()
-        return handle.accepted
+        handle = self.result_of(client.send_goal_async(goal), 10.0)
+        if handle is None or not handle.accepted:
+            return False
+        self.results[controller] = handle.get_result_async()
+        return True
 
     def outcome(self, controller):
-        """Wait for the end of the last goal; return its status and error code."""
-        done = self.result_of(self.results.pop(controller))
-        return [done.status, done.result.error_code]
+        """Wait for the end of the last goal; return its status and error code, if they come."""
+        done = self.result_of(self.results.pop(controller), 60.0)
+        return done and [done.status, done.result.error_code]
 
 
 rclpy.init()

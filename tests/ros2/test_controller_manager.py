@@ -28,6 +28,8 @@ pytestmark = pytest.mark.skipif(
 
 REPLY_S = 1.0  # kReplyMs of control_socket.cpp
 ENABLED, DISABLED = 0x27, 0x40
+SUCCEEDED = 4  # status of an action
+KILLS_SEED, KILLS_ROUNDS = (os.environ.get(f"FSN_KILLS_{n}", "1") for n in ("SEED", "ROUNDS"))
 LAMP = "el2904.standard_1"
 PARAMETERS: dict[str, dict[str, Any]] = {
     "controller_manager": {
@@ -88,6 +90,32 @@ def test_a_command_that_is_not_a_number_moves_nothing(package: Path, tmp_path: P
     assert at(seen["not a number"], ENABLED, 16384), seen
     for step in ("moved", "then", "arm"):
         assert at(seen[step], ENABLED, 14298), (step, seen)
+
+
+def slow_cell(folder: Path) -> Path:
+    """The reversed cell for a busy machine, with a bus cycle of 4 ms and long watchdogs."""
+    network = reversed_cell(folder, "velocity")
+    text = network.read_text("utf-8")
+    for old, new in (
+        ("cycle_us: 1000", "cycle_us: 4000"),
+        ("watchdog_ms: 100", "watchdog_ms: 300"),
+        ("required_reaction_ms: 1000", "required_reaction_ms: 2000"),
+    ):
+        assert old in text
+        text = text.replace(old, new)
+    network.write_text(text, "utf-8")
+    return network
+
+
+def test_random_kills_and_freezes_move_no_axis(package: Path, tmp_path: Path) -> None:
+    """Two axes on a trajectory, next to hardware on another; see `kills_rig.py`."""
+    words = ("kills", slow_cell(tmp_path), package, motors(tmp_path), KILLS_SEED, KILLS_ROUNDS)
+    seen = dict(on_the_wire(*words, tmp=tmp_path, script="live/kills_rig.py"))
+    assert seen["notes"] == [], f"FSN_KILLS_SEED={KILLS_SEED}"
+    assert seen["moving"] > 5 * len(seen["ways"]), seen
+    assert seen["ends"] == [[SUCCEEDED, 0]] * len(seen["ways"]), seen
+    assert max(seen["gaps_s"]) < REPLY_S, seen
+    assert seen["states"]["mock"] == seen["states"]["other"] == "active"
 
 
 @pytest.fixture
