@@ -177,8 +177,10 @@ class Manager(Started):
         parameters: dict[str, dict[str, Any]],
         domain: int,
     ) -> None:
-        rows = {name: {"ros__parameters": values} for name, values in parameters.items()}
         given = folder / "parameters.yaml"
+        files = {f"{name}.params_file": str(given) for name in parameters}  # for ros2_control 6
+        parameters = parameters | {"controller_manager": parameters["controller_manager"] | files}
+        rows = {name: {"ros__parameters": values} for name, values in parameters.items()}
         given.write_text(json.dumps(rows), "utf-8")
         program = find_program("controller_manager", "ros2_control_node")
         assert program is not None

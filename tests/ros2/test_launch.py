@@ -123,7 +123,8 @@ def test_it_waits_for_fsn_master(
         with master_running(name="robot-cell") as master:
             socket.symlink_to(master.path)
             for words in (
-                ("control", "set_hardware_component_state", "--no-daemon", "cell", "active"),
+                ("control", "set_hardware_component_state", "cell", "active"),
+                ("daemon", "stop"),  # which the first has started
                 ("run", "controller_manager", "spawner", "joint_state_broadcaster"),
             ):
                 subprocess.run(ros2_words(*words), env=environment, check=True, timeout=PATIENCE_S)

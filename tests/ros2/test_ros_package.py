@@ -531,6 +531,8 @@ def test_the_launch_file_gives_the_socket_and_waits_for_fsn_master(
         "<controllers>",
         {"hardware_components_initial_state.shutdown_on_initial_state_failure": False},
     )
+    name, *given_file = rows["spawner"]["arguments"]
+    assert (name, given_file) == ("joint_state_broadcaster", ["--param-file", "<controllers>"])
     target = tmp_path / "cell.urdf.xacro"
     converted(EXAMPLES / "el6910" / "network.yaml", target=target)
     words = ["xacro", str(target), "socket:=/tmp/s"]

@@ -59,7 +59,8 @@ def generate_launch_description():
             Node(
                 package="controller_manager",
                 executable="spawner",
-                arguments=["joint_state_broadcaster"],
+                # Since ros2_control 6, a controller does not have the parameters of its manager.
+                arguments=["joint_state_broadcaster", "--param-file", controllers],
             ),
             Node(
                 package="rviz2",
