@@ -118,6 +118,27 @@ def test_random_kills_and_freezes_move_no_axis(package: Path, tmp_path: Path) ->
     assert seen["states"]["mock"] == seen["states"]["other"] == "active"
 
 
+def right_moves(seen: dict[str, Any]) -> bool:
+    """Whether a busy machine has not stopped the arm whose fsn-master continues."""
+    return bool(seen["enabled"])
+
+
+def test_an_arm_that_loses_its_fsn_master_does_not_disturb_the_other(
+    package: Path, tmp_path: Path
+) -> None:
+    goals = (-1.3, 0.25)
+    words = ("two_arms", slow_cell(tmp_path), package, motors(tmp_path), *map(str, goals))
+    script = "live/two_arms_rig.py"
+    seen = dict(on_the_wire(*words, tmp=tmp_path, script=script, good=right_moves, cables=2))
+    for outcome, actual in (("right", "arrived"), ("left", "then")):
+        assert seen[outcome] == [SUCCEEDED, 0], seen
+        for counts, goal in zip(seen[actual], goals, strict=True):
+            assert abs(counts + COUNTS_PER_RAD * goal) < 20, seen
+    for arm, state in (("left", "inactive"), ("right", "active")):
+        assert seen["lost"][arm] == seen["lost"][f"{arm}_arm"] == state, seen
+    assert ENABLED not in seen["returned"], seen  # nothing starts by itself
+
+
 @pytest.fixture
 def cell(package: Path, domain: int, tmp_path: Path) -> Iterator[tuple[Manager, Path]]:
     """A manager whose component is not configured yet, and where it looks for fsn-master."""
