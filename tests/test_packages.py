@@ -5,6 +5,8 @@ import subprocess
 import sys
 from importlib import metadata
 
+import pytest
+
 from fsoe_net.diag.packages import missing_package
 
 
@@ -24,6 +26,16 @@ def test_without_pip_it_is_uv(monkeypatch):
         f"PDF needs pdf, which is not installed; uv pip install --python {sys.executable} "
         "'weasyprint>=70'"
     )
+
+
+@pytest.mark.parametrize("package", ["starlette", "uvicorn"])
+def test_a_command_names_a_missing_dependency(package):
+    code = f"import sys; sys.modules[{package!r}] = None; from fsoe_net.cli import start; start()"
+    command = [sys.executable, "-c", code, "studio", "--no-browser", "absent.yaml"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 3
+    assert done.stderr.startswith(f"error: fsoe-net needs {package}, which is not installed; ")
+    assert done.stderr.endswith(f"pip install {package}\n")
 
 
 def test_a_tree_that_was_never_installed(monkeypatch):

@@ -179,6 +179,13 @@ def main() -> None:
     except FsnError as exc:
         echo(f"error: {exc}", err=True)
         sys.exit(exc.exit_code)
+    except ModuleNotFoundError as exc:  # a distribution may lack a package
+        if (exc.name or "").startswith("fsoe_net"):
+            raise
+        from fsoe_net.diag.packages import missing_package
+
+        echo(f"error: {missing_package('fsoe-net', exc.name, '')}", err=True)
+        sys.exit(3)
     except BrokenPipeError:
         # The reader (such as `| head`) has closed the pipe; that is not an error.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
