@@ -3,6 +3,7 @@
 import importlib.util
 import subprocess
 import sys
+import sysconfig
 from importlib import metadata
 
 import pytest
@@ -26,6 +27,19 @@ def test_without_pip_it_is_uv(monkeypatch):
         f"PDF needs pdf, which is not installed; uv pip install --python {sys.executable} "
         "'weasyprint>=70'"
     )
+
+
+def test_in_the_python_of_a_distribution_it_is_not_pip(monkeypatch, tmp_path):
+    monkeypatch.setattr(sys, "prefix", sys.base_prefix)
+    monkeypatch.setattr(sysconfig, "get_path", lambda _name: str(tmp_path))
+    assert " -m pip install " in missing_package("PDF", "weasyprint", "pdf")
+    (tmp_path / "EXTERNALLY-MANAGED").touch()  # PEP 668
+    assert missing_package("PDF", "weasyprint", "pdf") == (
+        "PDF needs weasyprint, which is not installed; install weasyprint>=70 from your "
+        "distribution, or fsoe-net with it in a virtual environment"
+    )
+    monkeypatch.setattr(sys, "prefix", str(tmp_path))
+    assert " -m pip install " in missing_package("PDF", "weasyprint", "pdf")
 
 
 @pytest.mark.parametrize("package", ["starlette", "uvicorn"])

@@ -6,7 +6,9 @@ import importlib.util
 import re
 import shlex
 import sys
+import sysconfig
 from importlib import metadata
+from pathlib import Path
 
 _OF_EXTRA = re.compile(r"extra\s*==\s*['\"]([\w-]+)['\"]")
 
@@ -33,8 +35,19 @@ def missing_package(who: str, name: str | None, extra: str) -> str:
         for row in rows
         if (found := _OF_EXTRA.search(row)) and found[1] == extra
     ]
+    if _is_of_the_distribution():
+        return (
+            f"{who} needs {top}, which is not installed; install {', '.join(wanted or [top])} from "
+            "your distribution, or fsoe-net with it in a virtual environment"
+        )
     pip = [sys.executable, "-m", "pip", "install"]
     # Environments made by uv have no pip.
     if importlib.util.find_spec("pip") is None:
         pip = ["uv", "pip", "install", "--python", sys.executable]
     return f"{who} needs {top}, which is not installed; {shlex.join([*pip, *(wanted or [top])])}"
+
+
+def _is_of_the_distribution() -> bool:
+    """Whether pip must not change this Python: PEP 668."""
+    mark = Path(sysconfig.get_path("stdlib"), "EXTERNALLY-MANAGED")
+    return sys.prefix == sys.base_prefix and mark.exists()
