@@ -11,7 +11,7 @@ import json
 import os
 from collections import Counter
 from collections.abc import Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import astuple, fields
 from pathlib import Path
 from typing import Any, Self
@@ -59,7 +59,8 @@ class KeptPieces:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._file.close()
+        with suppress(OSError):  # of a full disk, which `add` has reported
+            self._file.close()
 
     def _read(self) -> dict[int, ClassResult]:
         """Return the results by the number of their piece."""
@@ -118,13 +119,14 @@ def _row(part: ClassResult) -> dict[str, Any]:
     return {field.name: getattr(part, field.name) for field in fields(part)} | {
         "codes": sorted(part.codes.items()),
         "failures": [astuple(failure) for failure in part.failures],
-        "shown": [
-            [one.trial, one.link, proof.end, proof.frame.hex(), proof.right.hex(), *last]
-            for one in part.shown
-            for proof in [one.proof]
-            for last in [(proof.old_crc, proof.sequence)]
-        ],
+        "shown": [_shown_row(one) for one in part.shown],
     }
+
+
+def _shown_row(one: Shown) -> list[Any]:
+    proof = one.proof
+    frames = proof.frame.hex(), proof.right.hex()
+    return [one.trial, one.link, proof.end, *frames, proof.old_crc, proof.sequence]
 
 
 def _part(row: dict[str, Any]) -> ClassResult:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import resource
 import subprocess
 import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -156,6 +158,17 @@ def test_what_cannot_be_written_is_named(kept: Path, tmp_path: Path) -> None:
         campaign.KeptPieces(tmp_path / "new", CONFIG, [])
 
 
+def test_a_full_disk_is_named_and_what_fits_is_kept(kept: Path) -> None:
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (kept.stat().st_size + 20, limits[1]))
+    try:
+        with pytest.raises(EnvironmentFault, match=r"cannot write .*kept: File too large"):
+            run(kept)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert run(kept) == run(None)
+
+
 def test_failures_and_proofs_of_collisions_are_kept(tmp_path: Path) -> None:
     work = [(0, "loss", range(10))]
     link = LINKS[0].name
@@ -201,5 +214,6 @@ def test_a_killed_campaign_loses_no_completed_piece(tmp_path: Path) -> None:
     ) as one:
         while not kept.exists() or kept.read_bytes().count(b"\n") < 2:
             assert one.poll() is None
+            time.sleep(0.05)
         one.kill()
     assert json.loads(kept.read_bytes().splitlines()[1])[0] == 0
