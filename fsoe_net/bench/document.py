@@ -76,7 +76,7 @@ def bench_document(result: BenchResult) -> Document:
     )
 
 
-def goals(result: BenchResult) -> tuple[tuple[Cell, ...], ...]:
+def _goals(result: BenchResult) -> tuple[tuple[Cell, ...], ...]:
     """Return a row for each figure that has a goal: the figure, the goal, and whether it is met."""
     added_ns = result.added_ns
     share = None if result.wire is None else result.wire.free_share(Loop.BARE)
@@ -119,7 +119,7 @@ def _wire(result: BenchResult) -> list[Part]:
     heads = ("free, cycles/s", "incomplete", "left out")
     columns = (Column("loop"), *(Column(head, number=True) for head in heads))
     parts: list[Part] = [Table(name="loops", columns=columns, rows=tuple(loops))]
-    if rows := goals(result):
+    if rows := _goals(result):
         columns = (Column("figure"), *(Column(h) for h in ("measured", "goal", "verdict")))
         parts.append(Table(name="goals", columns=columns, rows=rows))
     note = _INTERFACE.format(wire.interface) if wire.interface else _PAIR

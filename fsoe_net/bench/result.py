@@ -48,7 +48,7 @@ class Measured(enum.StrEnum):
 
 
 class Loop(enum.StrEnum):
-    """What exchanges the frames on a wire."""
+    """A loop that exchanges frames on a wire."""
 
     BARE = "bare"
     SOEM = "soem"

@@ -64,7 +64,7 @@ def ask_before(effect: str) -> None:
     """Ask for confirmation at the terminal.
 
     Raises:
-        click.UsageError: There is no terminal.
+        click.UsageError: Standard input is not a terminal.
         click.Abort: The user does not confirm.
     """
     if not sys.stdin.isatty():
