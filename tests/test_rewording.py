@@ -31,6 +31,7 @@ def decisions(*words: str) -> dict[str, object]:
     return json.loads(done.stdout)
 
 
+@pytest.mark.weekly
 def test_sentences_in_capitals_change_no_decision():
     plain, capitals = decisions(), decisions("capitals")
     said, changed = plain.pop("title"), capitals.pop("title")

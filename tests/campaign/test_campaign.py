@@ -15,6 +15,7 @@ from fsoe.devices import (
     strange_sub,
     strange_sub_that_takes_data,
 )
+from weekly import first
 
 from fsoe_net.campaign import trials as campaign_module
 from fsoe_net.campaign.clean_run import TrialConnection
@@ -44,7 +45,7 @@ def _counts(result):
 
 
 @pytest.mark.shows("R19")
-@pytest.mark.parametrize("sizes", SIZES, ids=str)
+@pytest.mark.parametrize("sizes", first(1, SIZES), ids=str)
 @pytest.mark.parametrize("name", DRAWN)
 @pytest.mark.uncounted
 def test_our_ends_withstand_every_class(name, sizes):

@@ -5,6 +5,7 @@ import re
 import pytest
 from fsoe.broken_engines import BROKEN, HANDLERS
 from networks import example
+from weekly import first
 
 from fsoe_net.campaign.fault_classes import CATALOGUE
 from fsoe_net.campaign.trials import CampaignConfig, ClassResult, run_trials
@@ -32,7 +33,7 @@ def test_a_broken_engine_is_noticed(broken, monkeypatch):
     assert any(re.search(broken.reason, reason) for reason in reasons), reasons
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", first(1, [1, 2, 3]))
 @pytest.mark.parametrize("name", [name for name in CATALOGUE if name != "bit_errors"])
 @pytest.mark.uncounted
 def test_the_right_ends_pass_with_any_seed(name, seed):

@@ -37,6 +37,7 @@ def test_each_fault_and_what_becomes_of_it(name: str) -> None:
     compare(__file__, f"tried {name}", rows)
 
 
+@pytest.mark.weekly
 @pytest.mark.parametrize("name", NAMES)
 def test_each_change_that_is_drawn(name: str) -> None:
     """Points and faults of many runs; a foreign end is brought to a point by a run of its own."""

@@ -61,6 +61,7 @@ RECORDED = {
 }
 
 
+@pytest.mark.weekly
 @pytest.mark.parametrize("name", RECORDED)
 def test_each_change_between_lines_of_a_recording(name):
     recorder = Recorder(RECORDED[name], 3)

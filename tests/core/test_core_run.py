@@ -196,7 +196,7 @@ def test_thread_runs_next_to_python() -> None:
         rig.core.cycle(1)
     with pytest.raises(CoreError, match="runs already"):
         rig.core.start(cycle_ns=100_000)
-    thread = threading.Thread(target=device)
+    thread = threading.Thread(target=device, daemon=True)
     thread.start()
     last = 0
     while last < 300:

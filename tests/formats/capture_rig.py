@@ -35,7 +35,7 @@ class Listener:
         self._socket.settimeout(0.1)
         self._writer = CaptureWriter(path, interface=interface)
         self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run)
+        self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 
     def _run(self):

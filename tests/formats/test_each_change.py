@@ -86,6 +86,7 @@ def _in_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(tmp_path / "case")
 
 
+@pytest.mark.weekly
 @pytest.mark.shows("R7")
 @pytest.mark.usefixtures("_in_folder")
 @pytest.mark.parametrize("way", changed.WAYS)
@@ -103,6 +104,7 @@ def test_each_change(name: str, way: str):
     changed.count(__file__, f"{name}-{way}", results())
 
 
+@pytest.mark.weekly
 @pytest.mark.shows("R7")
 @pytest.mark.usefixtures("_in_folder")
 @pytest.mark.parametrize("name", BINARIES)

@@ -84,6 +84,7 @@ SOURCES: dict[str, tuple[str | Path, str, Callable[[str], object]]] = {
 }
 
 
+@pytest.mark.weekly
 @pytest.mark.parametrize("way", changed.WAYS)
 @pytest.mark.parametrize("name", SOURCES)
 def test_each_change(name: str, way: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

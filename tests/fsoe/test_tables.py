@@ -59,6 +59,7 @@ def _received(table: StateTable, frame: bytes | None) -> Iterator[tuple[str, byt
         yield from _refitted(table, frame)
 
 
+@pytest.mark.weekly
 @pytest.mark.shows("R17")
 @pytest.mark.parametrize("sizes", [(2, 2), (1, 2), (4, 1)], ids=str)
 @pytest.mark.parametrize("foreign", [False, True])

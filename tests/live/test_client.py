@@ -48,7 +48,7 @@ def server(folder, *answers):
                 if answers[-1] == b"":
                     lines.readline()  # stay, and say nothing, until the client goes
 
-        thread = threading.Thread(target=serve)
+        thread = threading.Thread(target=serve, daemon=True)
         thread.start()
         yield path, asked
         thread.join()

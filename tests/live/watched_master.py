@@ -64,7 +64,7 @@ class WatchedMaster:
         self._listener = socket.socket(socket.AF_UNIX)
         self._listener.bind(str(self.path))
         self._listener.listen()
-        self._accepting = threading.Thread(target=self._accept, args=(self._listener,))
+        self._accepting = threading.Thread(target=self._accept, args=(self._listener,), daemon=True)
         self._accepting.start()
 
     def _accept(self, listener):
@@ -72,7 +72,7 @@ class WatchedMaster:
             while True:
                 peer, _ = listener.accept()
                 self._peers.append(peer)
-                thread = threading.Thread(target=self._serve, args=(peer,))
+                thread = threading.Thread(target=self._serve, args=(peer,), daemon=True)
                 self._threads.append(thread)
                 thread.start()
 

@@ -422,7 +422,7 @@ def test_busy_clients_take_no_cycle() -> None:
 
     with running() as master, master.client() as client:
         busy = [master.client() for _ in range(20)]
-        threads = [threading.Thread(target=ask, args=(one,)) for one in busy]
+        threads = [threading.Thread(target=ask, args=(one,), daemon=True) for one in busy]
         before = client.good("snapshot")["statistics"]
         for thread in threads:
             thread.start()

@@ -113,6 +113,7 @@ def test_a_report_and_a_page_of_it(bus: Master, large: Path) -> None:
     assert f"s{SUBDEVICES - 1}" in page.read_text("utf-8")
 
 
+@pytest.mark.weekly
 def test_ros_gets_its_health_and_its_values(bus: Master) -> None:
     from ros2.rig import Peer, bridged, typestore
 

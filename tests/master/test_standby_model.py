@@ -8,6 +8,7 @@ import pytest
 from master.rig import ROOT
 
 
+@pytest.mark.weekly
 def test_the_rule_holds_in_every_state():
     if shutil.which("spin") is None or shutil.which("cc") is None:
         required = "spin" in os.environ.get("FSN_REQUIRE", "").split(",")

@@ -52,6 +52,7 @@ def _devices(device: LibraryDevice) -> Iterator[tuple[str, LibraryDevice]]:
             yield f"{mapping.name}: {what}", replace(device, mappings=rows)
 
 
+@pytest.mark.weekly
 @pytest.mark.parametrize("name", CHOSEN)
 def test_each_change_of_a_device_of_the_library(name: str) -> None:
     rows = [

@@ -184,6 +184,7 @@ GUESS = attrgetter(
 )
 
 
+@pytest.mark.weekly
 @pytest.mark.parametrize("name", WEIGHED)
 def test_each_change_of_what_is_weighed(name):
     results = []

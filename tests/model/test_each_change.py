@@ -80,6 +80,7 @@ NUMBERS_ONLY = {"eni", "scan"}
 WAYS = [(n, way) for n in CASES for way in changed.WAYS if way == "more" or n not in NUMBERS_ONLY]
 
 
+@pytest.mark.weekly
 @pytest.mark.parametrize(("name", "way"), WAYS)
 def test_each_change(name: str, way: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     folder, file, files = CASES[name]

@@ -139,6 +139,7 @@ def _text(made: Description) -> str:
     return f"{rows} {copies} {connections} {made.cycle_us} {made.truncated}"
 
 
+@pytest.mark.weekly
 def test_each_change_of_what_two_descriptions_have() -> None:
     connected = (DescribedConnection(name="c", main=0, sub=1),)
     first = replace(bus(2), path="a.xml", cycle_us=None)

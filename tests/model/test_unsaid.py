@@ -82,6 +82,7 @@ SEEN = (None, StepResult(outcome=StepOutcome.AS_EXPECTED, measured_ms=3.5))
 SEEN += (StepResult(outcome=StepOutcome.NOT_AS_EXPECTED),)
 
 
+@pytest.mark.weekly
 @pytest.mark.parametrize("kind", [StepKind.TRIGGER, StepKind.FAULT])
 def test_each_change_of_what_was_seen_of_a_step(kind: StepKind):
     rows = []

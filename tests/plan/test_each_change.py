@@ -182,6 +182,7 @@ def _key(text: str, change: str) -> str:
     return "#" if upto.lstrip().startswith("#") else re.findall(r"(\w+):", upto)[0 - (upto != row)]
 
 
+@pytest.mark.weekly
 @pytest.mark.shows("R5")
 @pytest.mark.parametrize(("name", "way"), CASES)
 def test_each_change_of_a_file(name, way, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -222,6 +223,7 @@ def _field_at(raw: bytes, at: int) -> tuple[str, str]:
     return "", ""
 
 
+@pytest.mark.weekly
 @pytest.mark.shows("R5")
 @pytest.mark.parametrize("name", ["estop", "el6910"])
 def test_each_change_of_a_byte_of_a_plan(name: str) -> None:

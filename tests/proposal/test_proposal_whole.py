@@ -135,6 +135,7 @@ def _answers(ring: str) -> Iterator[tuple[str, Answers]]:
             yield f"{name} {main} {slot} {sub_slot} yes", taken
 
 
+@pytest.mark.weekly
 @pytest.mark.parametrize("ring", RINGS)
 def test_each_change_of_an_answer(ring: str) -> None:
     rows = [(name, proposed(ring, answers)) for name, answers in _answers(ring)]
@@ -169,6 +170,7 @@ def _connections(ring: str) -> Iterator[tuple[str, list[DescribedConnection]]]:
             yield f"{main} {end} {slot} {where} then {address} {line}", [row, other]
 
 
+@pytest.mark.weekly
 @pytest.mark.parametrize("ring", RINGS)
 def test_each_change_of_a_connection_in_files(ring: str) -> None:
     rows = [(name, proposed(ring, connections=rows)) for name, rows in _connections(ring)]
@@ -198,6 +200,7 @@ def _copies(ring: str) -> Iterator[tuple[str, list[DescribedCopy]]]:
         yield f"{one} {two} {at} {to} beside", [copy(one, at + 8, two, to, 48), back]
 
 
+@pytest.mark.weekly
 @pytest.mark.parametrize("ring", RINGS)
 def test_each_change_of_copies_in_files(ring: str) -> None:
     rows = [(name, proposed(ring, copies=copies)) for name, copies in _copies(ring)]

@@ -501,7 +501,9 @@ def test_a_slow_object_delays_no_output(
     monkeypatch.setattr(objects.ObjectServices, "get_sdo", slow)
     with bridged(robot.path, allow_control=True) as domain:
         get = Caller(domain, "/cell/get_sdo", messages.GetSdoRequest, messages.GetSdoResponse)
-        reader = threading.Thread(target=get.call, args=(0, DRIVE, 0x1018, 1, "uint32"))
+        reader = threading.Thread(
+            target=get.call, args=(0, DRIVE, 0x1018, 1, "uint32"), daemon=True
+        )
         reader.start()
         assert asked.wait(PATIENCE_S)
         caller = Caller(

@@ -13,6 +13,7 @@ from master.rig import Master
 from master.rig import running as master_running
 from ros2.package import COUNTS_PER_RAD, GENERATIONS, built, converted, motors, reversed_cell
 from ros2.rig import System
+from weekly import first
 
 from fsoe_net.formats.own.network import load_network
 from fsoe_net.model.resolve import resolve
@@ -268,7 +269,7 @@ def test_positions_without_a_factor_are_named(tmp_path: Path) -> None:
 SPEED = "p:axis_1/max_velocity=1"
 
 
-@pytest.mark.parametrize("generation", GENERATIONS)
+@pytest.mark.parametrize("generation", first(2, GENERATIONS))
 @pytest.mark.parametrize(
     ("words", "line", "text"),
     [

@@ -26,6 +26,7 @@ from networks import EXAMPLES, example
 from patience import PATIENCE_S
 from ros2.package import GENERATIONS, PACKAGE, ROOT, built, converted, motors
 from ros2.rig import System
+from weekly import first
 
 from fsoe_net.plan.codec import decode_plan
 from fsoe_net.plan.compile import compile_plan
@@ -43,7 +44,7 @@ def program() -> Path:
     return built("jazzy")
 
 
-@pytest.fixture(params=GENERATIONS)
+@pytest.fixture(params=first(2, GENERATIONS))
 def each(request: pytest.FixtureRequest) -> Path:
     """Return the substitute for a controller manager of each distribution."""
     return built(request.param)

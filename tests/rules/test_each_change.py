@@ -41,6 +41,7 @@ WAYS = [(n, way) for n in CASES for way in changed.WAYS if way == "more" or n no
 WAYS += [(n, "others") for n in ("network", "io", "transfers", "robot", "timed")]
 
 
+@pytest.mark.weekly
 @pytest.mark.shows("R6")
 @pytest.mark.parametrize(("name", "way"), WAYS)
 def test_each_change(name: str, way: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

@@ -68,6 +68,7 @@ def cluster(scheduler: tuple[str, Path]) -> Iterator[tuple[str, list[subprocess.
         process.wait()
 
 
+@pytest.mark.weekly
 def test_results_are_those_of_one_machine_even_if_a_worker_dies(cluster, monkeypatch):
     monkeypatch.setattr(campaign, "_CHUNK", 100)
     address, (first, *others) = cluster

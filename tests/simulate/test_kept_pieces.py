@@ -23,14 +23,19 @@ from fsoe_net.simulate.device_logic import device_factory
 
 LINKS = campaign_links(example("el6910"))
 CONFIG = CampaignConfig(links=LINKS, seed=1)
-NAMES = ("bit_errors", "corruption", "loss")
-FAULTS = 300
+NAMES = ("bit_errors", "loss")
+FAULTS = 30
+
+
+def cut_small(patch: pytest.MonkeyPatch) -> None:
+    """Let a campaign have small pieces."""
+    patch.setattr(campaign, "_CHUNK", 10)
+    patch.setattr(campaign, "trial_count", lambda _config, _name, faults: faults)
 
 
 @pytest.fixture(autouse=True)
 def _small_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(campaign, "_CHUNK", 50)
-    monkeypatch.setattr(campaign, "trial_count", lambda _config, _name, faults: faults)
+    cut_small(monkeypatch)
 
 
 def run(
@@ -45,18 +50,37 @@ def run(
     return run_campaign(config, NAMES, FAULTS, jobs=1, resume=file, on_progress=stop)
 
 
+@pytest.fixture(scope="module")
+def whole() -> CampaignResult:
+    """The result of a run that was not interrupted."""
+    with pytest.MonkeyPatch.context() as patch:
+        cut_small(patch)
+        return run(None)
+
+
+@pytest.fixture(scope="module")
+def interrupted(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """What two pieces of six leave."""
+    file = tmp_path_factory.mktemp("kept") / "kept"
+    with pytest.MonkeyPatch.context() as patch:
+        cut_small(patch)
+        assert run(file, until=20).interrupted
+    return file.read_bytes()
+
+
 @pytest.fixture
-def kept(tmp_path: Path) -> Path:
-    """A file of six pieces of eighteen."""
+def kept(tmp_path: Path, interrupted: bytes) -> Path:
+    """A file of two pieces of six."""
     file = tmp_path / "kept"
-    assert run(file, until=300).interrupted
+    file.write_bytes(interrupted)
     return file
 
 
-def test_the_result_is_that_of_one_run(kept: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_result_is_that_of_one_run(
+    kept: Path, whole: CampaignResult, monkeypatch: pytest.MonkeyPatch
+) -> None:
     lines = kept.read_bytes().splitlines(keepends=True)
-    assert len(lines) == 1 + 6
-    whole = run(None)
+    assert len(lines) == 1 + 2
     # As other processes complete them.
     kept.write_bytes(b"".join([lines[0], *reversed(lines[1:])]))
     done = []
@@ -64,15 +88,15 @@ def test_the_result_is_that_of_one_run(kept: Path, monkeypatch: pytest.MonkeyPat
         campaign, "run_trials", lambda *a, real=campaign.run_trials: (done.append(a), real(*a))[1]
     )
     assert run(kept) == whole
-    assert len(done) == 18 - 6
+    assert len(done) == 6 - 2
     assert run(kept) == whole
-    assert len(done) == 18 - 6, "nothing is left to do"
+    assert len(done) == 6 - 2, "nothing is left to do"
 
 
-def test_a_line_that_was_cut_is_done_again(kept: Path) -> None:
+def test_a_line_that_was_cut_is_done_again(kept: Path, whole: CampaignResult) -> None:
     kept.write_bytes(kept.read_bytes()[:-30])
-    assert run(kept) == run(None)
-    assert run(kept) == run(None), "the file is whole again"
+    assert run(kept) == whole
+    assert run(kept) == whole, "the file is whole again"
 
 
 def test_the_progress_begins_with_what_is_done(kept: Path) -> None:
@@ -80,8 +104,8 @@ def test_the_progress_begins_with_what_is_done(kept: Path) -> None:
     run_campaign(
         CONFIG, NAMES, FAULTS, jobs=2, resume=kept, on_progress=lambda done, *_: seen.append(done)
     )
-    assert seen[:6] == [50, 100, 150, 200, 250, 300]
-    assert seen[-1] == 900
+    assert seen[:2] == [10, 20]
+    assert seen[-1] == 60
 
 
 @pytest.mark.parametrize(
@@ -121,7 +145,7 @@ def changed(line: bytes, **other: object) -> bytes:
         lambda line: b"[-1," + line.partition(b",")[2],
         lambda line: b"[99," + line.partition(b",")[2],
         lambda line: b"[0.0," + line.partition(b",")[2],
-        lambda line: changed(line, injected=49, detected=49),
+        lambda line: changed(line, injected=9, detected=9),
         lambda line: changed(line, injected=True),
         lambda line: changed(line, expected="1"),
         lambda line: changed(line, expected=float("nan")),
@@ -158,7 +182,7 @@ def test_what_cannot_be_written_is_named(kept: Path, tmp_path: Path) -> None:
         campaign.KeptPieces(tmp_path / "new", CONFIG, [])
 
 
-def test_a_full_disk_is_named_and_what_fits_is_kept(kept: Path) -> None:
+def test_a_full_disk_is_named_and_what_fits_is_kept(kept: Path, whole: CampaignResult) -> None:
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (kept.stat().st_size + 20, limits[1]))
     try:
@@ -166,7 +190,7 @@ def test_a_full_disk_is_named_and_what_fits_is_kept(kept: Path) -> None:
             run(kept)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-    assert run(kept) == run(None)
+    assert run(kept) == whole
 
 
 def test_failures_and_proofs_of_collisions_are_kept(tmp_path: Path) -> None:

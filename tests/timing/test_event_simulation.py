@@ -14,6 +14,7 @@ import pytest
 from networks import PLAIN
 from signal_path.path import Parts
 from timing.event_simulation import Fault, Run, Setup, search
+from weekly import first
 
 from fsoe_net.formats.own.network import load_network
 from fsoe_net.model.library import Library
@@ -117,7 +118,7 @@ def least_share(name: str) -> float:
 
 
 @pytest.mark.shows("R9")
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", first(3, CASES))
 @pytest.mark.parametrize(
     ("fault", "faulty"),
     [(Fault.NONE, "in"), *((f, way) for f in (Fault.BREAKS, Fault.LATE) for way in ("in", "out"))],
@@ -154,7 +155,7 @@ def test_one_connection_both_ways_keeps_its_bound(name: str, fault: Fault, tmp_p
 
 
 @pytest.mark.shows("R9")
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", first(4, CASES))
 def test_a_healthy_connection_keeps_its_least_watchdog(name: str, tmp_path: Path) -> None:
     """Each connection by itself: the one next to the logic does not wait for a far bus."""
     setup = setup_of(name, watchdog=10_000)
@@ -172,7 +173,7 @@ def test_a_healthy_connection_keeps_its_least_watchdog(name: str, tmp_path: Path
         assert max(Run(tight, some_choices(rng)).healthy(400)) < 1e6
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", first(4, CASES))
 def test_a_connection_survives_the_lost_cycles_that_are_printed(name: str, tmp_path: Path) -> None:
     setup = setup_of(name, watchdog=100)
     rows = budget_of(setup, tmp_path).connections
