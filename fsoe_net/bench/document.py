@@ -26,12 +26,14 @@ _NAMES = {
     Measured.WIRE_BARE: "wire, bare send() and recv()",
     Measured.WIRE_SOEM: "wire, SOEM's own loop",
     Measured.WIRE_CORE: "wire, cycle: receive, copy, send",
+    Measured.WIRE_XDP: "wire, the same with --xdp",
     Measured.WIRE_ROUND_TRIP: "wire, round trip of a frame of the cycle",
 }
 _LOOPS = {
     Loop.BARE: "bare send() and recv()",
     Loop.SOEM: "SOEM's own loop",
     Loop.CORE: "fsn-master's cycle",
+    Loop.XDP: "fsn-master's cycle, --xdp",
 }
 _HEADS = ("50 %", "99 %", "99.9 %", "most")
 _NOTE = (
@@ -41,7 +43,7 @@ _NOTE = (
 _NOT_ON_A_WIRE = "Not measured: frames on a wire. fsoe-net bench --wire measures them as root."
 _PAIR = (
     "Wire: a veth pair with emulated SubDevices on the same processor, without a network card. The "
-    "three loops took turns."
+    "loops took turns."
 )
 _INTERFACE = (
     "Wire: {}, with one NOP datagram in each frame, which no SubDevice executes. The cycle of "
@@ -78,19 +80,28 @@ def bench_document(result: BenchResult) -> Document:
 
 def _goals(result: BenchResult) -> tuple[tuple[Cell, ...], ...]:
     """Return a row for each figure that has a goal: the figure, the goal, and whether it is met."""
-    added_ns = result.added_ns
-    share = None if result.wire is None else result.wire.free_share(Loop.BARE)
+    return (
+        *_goals_of(result, Measured.WIRE_CORE, Loop.CORE, ""),
+        *_goals_of(result, Measured.WIRE_XDP, Loop.XDP, "--xdp: "),
+    )
+
+
+def _goals_of(
+    result: BenchResult, cycle: Measured, loop: Loop, name: str
+) -> tuple[tuple[Cell, ...], ...]:
+    added_ns = result.added_ns(cycle)
+    share = None if result.wire is None else result.wire.free_share(loop)
     if share is None or added_ns is None:
         return ()
     return (
         _goal(
-            "added to bare send() and recv(), 50 %",
+            f"{name}added to bare send() and recv(), 50 %",
             f"{_us(added_ns)} us",
             f"<= {_us(MOST_ADDED_NS)} us",
             added_ns <= MOST_ADDED_NS,
         ),
         _goal(
-            "free rate, of bare send() and recv()",
+            f"{name}free rate, of bare send() and recv()",
             f"{share:.3f}",
             f">= {LEAST_FREE_SHARE}",
             share >= LEAST_FREE_SHARE,

@@ -43,6 +43,8 @@ class Measured(enum.StrEnum):
     """Frames on a wire: sent and received by bare system calls; the limit for the next rows."""
     WIRE_SOEM = "wire_soem"
     WIRE_CORE = "wire_core"
+    WIRE_XDP = "wire_xdp"
+    """The core with ``--xdp``, where the kernel permits it."""
     WIRE_ROUND_TRIP = "wire_round_trip"
     """From a frame of fsn-master to its reply, as the kernel stamps it."""
 
@@ -53,6 +55,7 @@ class Loop(enum.StrEnum):
     BARE = "bare"
     SOEM = "soem"
     CORE = "core"
+    XDP = "xdp"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,15 +117,15 @@ class WireResult:
     paced: Mapping[Loop, WireLoop]
     free: Mapping[Loop, WireLoop]
 
-    def free_share(self, of: Loop) -> float | None:
-        """Return the free rate of fsn-master as a share of that of another loop.
+    def free_share(self, loop: Loop) -> float | None:
+        """Return the free rate of a loop as a share of that of bare system calls.
 
         It is the median of all turns; ``None`` if one of them was not measured.
         """
-        if not {Loop.CORE, of} <= self.free.keys():
+        if not {loop, Loop.BARE} <= self.free.keys():
             return None
-        pairs = zip(self.free[Loop.CORE].per_s, self.free[of].per_s, strict=False)
-        return statistics.median(core / other for core, other in pairs)
+        pairs = zip(self.free[loop].per_s, self.free[Loop.BARE].per_s, strict=False)
+        return statistics.median(own / bare for own, bare in pairs)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -155,12 +158,11 @@ class BenchResult:
     wire: WireResult | None = None
     version: str = __version__
 
-    @property
-    def added_ns(self) -> int | None:
-        """How much longer a cycle of fsn-master takes than its frames; ``None``: not measured."""
-        if not {Measured.WIRE_CORE, Measured.WIRE_BARE} <= self.times.keys():
+    def added_ns(self, cycle: Measured) -> int | None:
+        """Return how much longer a cycle takes than its frames; ``None``: not measured."""
+        if not {cycle, Measured.WIRE_BARE} <= self.times.keys():
             return None
-        return self.times[Measured.WIRE_CORE].p50_ns - self.times[Measured.WIRE_BARE].p50_ns
+        return self.times[cycle].p50_ns - self.times[Measured.WIRE_BARE].p50_ns
 
     def to_json(self) -> dict[str, object]:
         """Return the document of ``schemas/bench.schema.json``."""

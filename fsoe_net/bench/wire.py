@@ -20,7 +20,7 @@ from fsoe_net.project.installed import shipped
 
 _CELLS = 5
 _PROGRAM = "fsn-bench"
-_LOOPS = 6  # three, with the cycle and free
+_LOOPS = 8  # four, with the cycle and free
 _START_S = 120.0  # for starts and ends of the bus between their turns
 
 
@@ -120,4 +120,6 @@ def _times(paced: dict[str, Any]) -> dict[Measured, Times]:
     if Loop.CORE in paced:
         rows[Measured.WIRE_CORE] = paced[Loop.CORE]["work"]
         rows[Measured.WIRE_ROUND_TRIP] = paced[Loop.CORE].get("round_trip")
+    if Loop.XDP in paced:
+        rows[Measured.WIRE_XDP] = paced[Loop.XDP]["work"]
     return {name: Times(**times) for name, times in rows.items() if times is not None}

@@ -33,9 +33,9 @@ def begin_capture(
     if capture is None:
         return None
     status = attached.look(0.0).status
-    # Only SOEM uses a network interface of the kernel.
-    on_wire = status is not None and status.backend == "soem" and status.interface
-    interface = status.interface if status is not None and on_wire else None
+    # Only SOEM uses a network interface of the kernel, whose sockets see nothing of AF_XDP.
+    on_wire = status is not None and status.backend == "soem" and not status.xdp
+    interface = (status.interface or None) if status is not None and on_wire else None
     try:
         recorder = LiveCapture(capture, path, interface, prefer_wire=not rebuild)
     except OSError as exc:

@@ -175,8 +175,9 @@ class Status:
     loaded by the core, ``None`` if the program does not report it; ``version``: that of the engine.
     ``None``: ``ring`` with one interface, ``clocks`` if none are in use, ``standby`` without a
     standby process, ``interventions`` without an intervention log, ``cpu`` if the cyclic thread may
-    run on any CPU. ``buses`` is empty with a single bus; with several, counts outside it are
-    totals, in cycles of the first bus. ``in_cycle``: real-time clients. ``absent`` SubDevices
+    run on any CPU. ``xdp``: sockets of the host do not see the frames of the cycle. ``buses`` is
+    empty with a single bus; with several, counts outside it are totals, in cycles of the first bus.
+    ``in_cycle``: real-time clients. ``absent`` SubDevices
     belong to ``groups`` and are not ``missing``.
     """
 
@@ -185,6 +186,7 @@ class Status:
     backend: str
     interface: str
     redundant: str
+    xdp: bool
     plan: str
     plan_sha256: str
     fingerprint: Fingerprint | None

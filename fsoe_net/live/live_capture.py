@@ -58,7 +58,7 @@ class LiveCapture:
         if not prefer_wire:
             self.rebuilt = "as requested"
         elif interface is None:
-            self.rebuilt = "no network interface to listen on"
+            self.rebuilt = "no socket sees the frames of the cycle"
         else:
             # Needs CAP_NET_RAW. Without it, frames are rebuilt from the process images of
             # fsn-master.

@@ -26,10 +26,11 @@ DIRECTION: Row = {
     "intervals": 2,
 }  # fmt: skip
 STATUS: Row = {
-    "fault": None, "backend": "soem", "interface": "eth1", "redundant": None, "plan": "a.fsnplan",
-    "plan_sha256": "00", "accepted": False, "uptime_ns": 1, "cycle_ns": 1_000_000,
-    "free_run": False, "policy": "fifo", "priority": 80, "cpu": None, "cycles": 5, "overruns": 0,
-    "wkc_errors": 0, "expected_wkc": 9, "actual_wkc": 9, "realtime": True, "locked": True,
+    "fault": None, "backend": "soem", "interface": "eth1", "redundant": None, "xdp": False,
+    "plan": "a.fsnplan", "plan_sha256": "00", "accepted": False, "uptime_ns": 1,
+    "cycle_ns": 1_000_000, "free_run": False, "policy": "fifo", "priority": 80, "cpu": None,
+    "cycles": 5, "overruns": 0, "wkc_errors": 0, "expected_wkc": 9, "actual_wkc": 9,
+    "realtime": True, "locked": True,
     "subdevices": {"planned": 2, "in_op": 2, "missing": 0}, "ring": None, "clocks": None,
     "standby": None, "clients": 1,
 }  # fmt: skip

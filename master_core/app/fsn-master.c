@@ -222,7 +222,7 @@ static int keep_log_late(void *self) {
 /** The restrictions cannot be removed by any thread. Missing kernel support does not prevent the
  *  start. */
 static void confine(struct options *options) {
-    const int error = confine_process();
+    const int error = confine_process(options->xdp);
     options->confine = true;
     if (error != 0) {
         log_line(FSN_LOG_WARNING, "system calls are not restricted: %s", strerror(error));

@@ -95,6 +95,7 @@ static void host_status(void *self, struct fsn_control_status *status) {
         .interface = o->interface,
         .bus_interfaces = o->bus_interfaces,
         .redundant = o->redundant,
+        .xdp = o->xdp,
         .plan_file = o->plan_file,
         .accepted = o->accepted != NULL ? o->accepted : o->acceptance,
         .acceptance = o->acceptance,

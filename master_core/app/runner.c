@@ -129,6 +129,7 @@ static fsn_status open_once(struct runner *runner, struct fsn_fault *fault) {
     const struct fsn_live_options live = {
         .interface = o->interface,
         .redundant = o->redundant,
+        .xdp = o->xdp,
         .cycle_ns = cycle_ns,
         .receive_wait_ns = o->free_run ? 2 * cycle_ns : 0,
         .dc_every = o->dc_every,

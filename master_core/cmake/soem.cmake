@@ -42,7 +42,7 @@ if(soem_use)
   add_library(fsn_soem ${fsn_kind} ${soem_backend}/soem.c ${soem_backend}/acyclic.c ${soem_backend}/find.c
     ${soem_backend}/configure.c ${soem_backend}/pdo.c ${soem_backend}/sii.c
     ${soem_backend}/al_states.c ${soem_backend}/attach.c ${soem_backend}/ring.c
-    ${soem_backend}/clocks.c ${soem_backend}/groups.c)
+    ${soem_backend}/clocks.c ${soem_backend}/groups.c ${soem_backend}/xdp.c)
   if(TARGET soem_objects)
     target_sources(fsn_soem PRIVATE $<TARGET_OBJECTS:soem_objects>)
     get_target_property(soem_headers soem_objects INTERFACE_INCLUDE_DIRECTORIES)

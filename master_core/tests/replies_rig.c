@@ -360,6 +360,7 @@ static void host_state(void *self, struct fsn_control_status *status) {
                                           .backend = "script",
                                           .interface = "eth0",
                                           .redundant = on.stateless ? "eth1" : NULL,
+                                          .xdp = on.stateless,
                                           .plan_file = "the.fsnplan",
                                           .accepted = on.stateless ? "ABCD-EF" : NULL,
                                           .policy = "fifo",

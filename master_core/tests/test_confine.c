@@ -4,6 +4,7 @@
 #include "app/base/confine.h"
 
 #include <errno.h>
+#include <linux/bpf.h>
 #include <linux/capability.h>
 #include <pthread.h>
 #include <signal.h>
@@ -33,7 +34,7 @@ static int ended(void (*what)(void)) {
 }
 
 static void confined(void) {
-    CHECK(confine_process() == 0);
+    CHECK(confine_process(false) == 0);
 }
 
 static void *nothing(void *argument) {
@@ -72,7 +73,17 @@ static void refused(void) {
     void *room = mmap(NULL, 4096, PROT_READ, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
     CHECK(room != MAP_FAILED && mprotect(room, 4096, code) < 0 && errno == ENOSYS);
     CHECK(syscall(SYS_unshare, 0) < 0 && errno == ENOSYS);
+    CHECK(socket(AF_XDP, SOCK_RAW, 0) < 0 && errno == ENOSYS);
     CHECK(syscall(SYS_bpf, 0, NULL, 0) < 0 && errno == ENOSYS);
+}
+
+static void what_xdp_needs(void) {
+    CHECK(confine_process(true) == 0);
+    errno = 0; /* whether this user may, and whether the kernel has it, is another matter */
+    CHECK(socket(AF_XDP, SOCK_RAW, 0) >= 0 || errno != ENOSYS);
+    CHECK(socket(AF_INET, SOCK_STREAM, 0) < 0 && errno == ENOSYS);
+    CHECK(syscall(SYS_bpf, BPF_PROG_LOAD, NULL, 0) < 0 && errno != ENOSYS);
+    CHECK(syscall(SYS_bpf, BPF_OBJ_GET, NULL, 0) < 0 && errno == ENOSYS);
 }
 
 static void another_program(void) {
@@ -136,6 +147,7 @@ static void capabilities_of_a_thread(void) {
 int main(void) {
     CHECK(ended(what_runs_needs) == 0);
     CHECK(ended(refused) == 0);
+    CHECK(ended(what_xdp_needs) == 0);
     const int status = ended(another_program);
     CHECK(WIFSIGNALED(status) && WTERMSIG(status) == SIGSYS);
     CHECK(ended(threads_that_run_already) == 0);

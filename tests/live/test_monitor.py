@@ -393,5 +393,5 @@ def test_a_live_bus_that_comes_and_goes(tmp_path):
 
 def test_fallback_needs_a_process_image(master, tmp_path):
     master.known -= {"layout"}
-    with pytest.raises(EnvironmentFault, match="no capture: no network interface"):
+    with pytest.raises(EnvironmentFault, match="no capture: no socket sees"):
         LiveCapture(tmp_path / "c", str(master.path), None)

@@ -102,10 +102,10 @@ class WatchedMaster:
     def _status(self):
         return {
             "state": self.state, "fault": None, "backend": "soem", "interface": "no-such-if",
-            "redundant": None, "plan": "a.fsnplan", "plan_sha256": "00", "accepted": False,
-            "uptime_ns": 1, "clients": 1, "cycle_ns": MS, "free_run": False, "policy": "fifo",
-            "priority": 80, "cpu": None, "cycles": 5, "overruns": 0, "wkc_errors": 0,
-            "expected_wkc": 6, "actual_wkc": 6, "realtime": True, "locked": True,
+            "redundant": None, "xdp": False, "plan": "a.fsnplan", "plan_sha256": "00",
+            "accepted": False, "uptime_ns": 1, "clients": 1, "cycle_ns": MS, "free_run": False,
+            "policy": "fifo", "priority": 80, "cpu": None, "cycles": 5, "overruns": 0,
+            "wkc_errors": 0, "expected_wkc": 6, "actual_wkc": 6, "realtime": True, "locked": True,
             "subdevices": {"planned": 2, "in_op": 2, "missing": 0},
             "interventions": {"entry": 33, "hash": "ab" * 32, "error": None},
             "in_cycle": self.in_cycle,

@@ -4,6 +4,7 @@
 
 #include <errno.h>
 #include <linux/audit.h>
+#include <linux/bpf.h>
 #include <linux/capability.h>
 #include <linux/filter.h>
 #include <linux/seccomp.h>
@@ -33,7 +34,8 @@
 
 #ifdef UNCONFINED
 
-int confine_process(void) {
+int confine_process(bool xdp) {
+    (void)xdp;
     return 0; /* a sanitizer makes its own system calls; other processors number them differently */
 }
 
@@ -199,14 +201,14 @@ static void decide_by_bits(struct program *p, long call, int argument, uint32_t 
     add(p, END(else_verdict));
 }
 
-/** Allows a call for two values of its first argument. */
-static void allow_values(struct program *p, long call, uint32_t one, uint32_t other) {
-    add(p, WHERE(BPF_JEQ, call, 6));
+/** Allows a call for some values of its first argument. */
+static void allow_values(struct program *p, long call, const uint32_t *values, uint8_t count) {
+    add(p, WHERE(BPF_JEQ, call, (uint8_t)(2 + 2 * count)));
     add(p, LOAD_ARGUMENT(0));
-    add(p, WHERE(BPF_JEQ, one, 1));
-    add(p, END(SECCOMP_RET_ALLOW));
-    add(p, WHERE(BPF_JEQ, other, 1));
-    add(p, END(SECCOMP_RET_ALLOW));
+    for (uint8_t i = 0; i < count; i++) {
+        add(p, WHERE(BPF_JEQ, values[i], 1));
+        add(p, END(SECCOMP_RET_ALLOW));
+    }
     add(p, END(ABSENT));
 }
 
@@ -215,7 +217,11 @@ static void end_process(struct program *p, long call) {
     add(p, END(SECCOMP_RET_KILL_PROCESS));
 }
 
-static void write_program(struct program *p) {
+static void write_program(struct program *p, bool xdp) {
+    static const uint32_t families[] = {AF_UNIX, AF_PACKET, AF_XDP};
+    static const uint32_t names[] = {PR_SET_NAME, PR_CAP_AMBIENT};
+    static const uint32_t bpf[] = {BPF_MAP_CREATE, BPF_MAP_UPDATE_ELEM, BPF_PROG_LOAD,
+                                   BPF_LINK_CREATE};
     add(p, LOAD(ARCH));
     add(p, (struct sock_filter)BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, OUR_ARCH, 1, 0));
     add(p, END(SECCOMP_RET_KILL_PROCESS));
@@ -229,16 +235,19 @@ static void write_program(struct program *p) {
     decide_by_bits(p, SYS_mprotect, 2, PROT_EXEC, ABSENT, SECCOMP_RET_ALLOW);
     /* Threads, no processes; clone3() hides its flags, and the C library works without it. */
     decide_by_bits(p, SYS_clone, 0, CLONE_THREAD, SECCOMP_RET_ALLOW, ABSENT);
-    allow_values(p, SYS_socket, AF_UNIX, AF_PACKET);
-    allow_values(p, SYS_prctl, PR_SET_NAME, PR_CAP_AMBIENT);
+    allow_values(p, SYS_socket, families, xdp ? 3 : 2);
+    allow_values(p, SYS_prctl, names, 2);
+    if (xdp) {
+        allow_values(p, SYS_bpf, bpf, 4);
+    }
     end_process(p, SYS_execve);
     end_process(p, SYS_execveat);
     add(p, END(ABSENT));
 }
 
-int confine_process(void) {
+int confine_process(bool xdp) {
     struct program p = {.count = 0};
-    write_program(&p);
+    write_program(&p, xdp);
     const struct sock_fprog program = {.len = p.count, .filter = p.step};
     if (prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0 ||
         syscall(SYS_seccomp, SECCOMP_SET_MODE_FILTER, SECCOMP_FILTER_FLAG_TSYNC, &program) != 0) {

@@ -22,6 +22,8 @@ static const char usage_text[] =
     "  --interface IF     network interface (soem) or number of the master (igh); BUS=IF for each\n"
     "                     bus of a plan that has several\n"
     "  --redundant IF2    second interface, at the other end of the ring\n"
+    "  --xdp              the cycle uses AF_XDP: less time in the kernel; see "
+    "docs/howto/run-live.md\n"
     "  --cycle TIME       bus cycle, e.g. 1ms or 250us; default: the plan's\n"
     "  --policy P         fifo, deadline or other; default: fifo where it is permitted\n"
     "  --priority N       of fifo, 1 to 99; default 80\n"
@@ -191,6 +193,7 @@ enum option_id {
     PRIORITY,
     CPU,
     FREE_RUN,
+    XDP,
     DC_EVERY,
     DC_CLOCK,
     DC_SHIFT,
@@ -304,9 +307,13 @@ static bool take_plain(int id, const char *text, struct options *o) {
         [REVOKED] = &o->revoked,
     };
     bool *const flags[HELP] = {
-        [FREE_RUN] = &o->free_run,   [TRACE] = &o->trace,
-        [TAKE_OVER] = &o->take_over, [REQUIRE_OBSERVED] = &o->require_observed,
-        [STANDBY] = &o->standby,     [SCAN] = &o->scan,
+        [FREE_RUN] = &o->free_run,
+        [TRACE] = &o->trace,
+        [TAKE_OVER] = &o->take_over,
+        [REQUIRE_OBSERVED] = &o->require_observed,
+        [STANDBY] = &o->standby,
+        [SCAN] = &o->scan,
+        [XDP] = &o->xdp,
     };
     if (texts[id] != NULL) {
         *texts[id] = text;
@@ -352,6 +359,12 @@ static int check_bus(const struct options *o) {
     const struct fsn_backend *bus = backend_find(o->bus);
     if (o->interface == NULL && (bus == NULL || bus->needs_interface)) {
         return options_wrong("--interface", NULL, "is missing");
+    }
+    if (o->xdp && bus != NULL && !bus->takes_xdp) {
+        return options_wrong("--xdp", NULL, "this bus has no AF_XDP");
+    }
+    if (o->xdp && (o->scan || o->take_over || o->standby)) {
+        return options_wrong("--xdp", NULL, "is for a bus that this process starts");
     }
     if (o->redundant == NULL) {
         return -1;
@@ -438,6 +451,7 @@ int options_read(int argc, char **argv, struct options *o) {
         {"priority", required_argument, NULL, PRIORITY},
         {"cpu", required_argument, NULL, CPU},
         {"free-run", no_argument, NULL, FREE_RUN},
+        {"xdp", no_argument, NULL, XDP},
         {"dc-every", required_argument, NULL, DC_EVERY},
         {"dc-clock", required_argument, NULL, DC_CLOCK},
         {"dc-shift", required_argument, NULL, DC_SHIFT},

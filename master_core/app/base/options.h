@@ -40,6 +40,7 @@ struct options {
     long incidents_mib;     /**< maximum MiB of incident files; 0: the default */
     long interventions_mib; /**< of a file of the intervention log */
     bool free_run, trace, log_json;
+    bool xdp;              /**< the cycle uses AF_XDP */
     bool require_observed; /**< parameters on the bus that differ from the plan are an alarm */
     bool standby;          /**< follows another process, and takes over when it stops */
     bool take_over;        /**< the bus of another process, without leaving OP */

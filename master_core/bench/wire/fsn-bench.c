@@ -23,6 +23,7 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "backends/soem/xdp.h"
 #include "bare.h"
 #include "fsn/fsn.h"
 #include "fsn/live.h"
@@ -32,7 +33,7 @@
 
 enum { PRIORITY = 60, TURNS = 5, LISTEN_NS = 100000000, SETTLE_US = 100000 };
 enum { EXIT_ENVIRONMENT = 3, MOST_NOP = 1486, MOST_PLAN = 1 << 24 };
-enum who { BARE, SOEM, CORE, WHO };
+enum who { BARE, SOEM, CORE, XDP, WHO };
 
 struct measured {
     uint64_t cycles, incomplete, left_out;
@@ -48,6 +49,7 @@ struct bench {
     int cpu;
     const char *interface;
     uint16_t nop_bytes; /**< 0: on the veth pair */
+    bool xdp;           /**< the core is also measured with AF_XDP, which this kernel has */
 };
 
 static _Noreturn void refuse(const char *what, const char *detail) {
@@ -179,8 +181,10 @@ static void observe(const struct bench *bench, struct fsn_core *core, int turn,
     times_add(&m->round_trip, &from.round_trip, &to.round_trip);
 }
 
-static void run_core(const struct bench *bench, uint64_t cycle_ns, int turn, struct measured *m) {
+static void run_core(const struct bench *bench, bool xdp, uint64_t cycle_ns, int turn,
+                     struct measured *m) {
     const struct fsn_live_options options = {.interface = bench->interface,
+                                             .xdp = xdp,
                                              .dc_every = 1,
                                              .receive_wait_ns = cycle_ns == 0 ? 2000000 : 0};
     const struct fsn_thread_options thread = {.cycle_ns = cycle_ns == 0 ? 1000000 : cycle_ns,
@@ -214,7 +218,10 @@ static void measure(const struct bench *bench, const char *name, uint64_t cycle_
         run_bare(bench, bare_send_receive, cycle_ns, turn, &all[BARE]);
         run_bare(bench, bare_soem, cycle_ns, turn, &all[SOEM]);
         if (bench->nop_bytes == 0) {
-            run_core(bench, cycle_ns, turn, &all[CORE]);
+            run_core(bench, false, cycle_ns, turn, &all[CORE]);
+        }
+        if (bench->xdp) {
+            run_core(bench, true, cycle_ns, turn, &all[XDP]);
         }
     }
     if (all[BARE].incomplete == all[BARE].cycles) {
@@ -227,6 +234,10 @@ static void measure(const struct bench *bench, const char *name, uint64_t cycle_
     if (bench->nop_bytes == 0) {
         printf(",");
         print_measured("core", &all[CORE]);
+    }
+    if (bench->xdp) {
+        printf(",");
+        print_measured("xdp", &all[XDP]);
     }
     printf("}");
 }
@@ -247,6 +258,9 @@ static void measure_pair(struct bench *bench) {
         refuse("the emulated SubDevices do not start", error != 0 ? strerror(error) : "");
     }
     bench->interface = "near";
+    struct fsn_rings *rings;
+    bench->xdp = soem_xdp_open(bench->interface, 0, &rings, NULL) == FSN_OK;
+    soem_xdp_close(rings);
     printf("{");
     measure(bench, "free", 0);
     printf(",");

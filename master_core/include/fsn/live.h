@@ -14,8 +14,10 @@ extern "C" {
 /** Options of a live bus, set before it is opened. Zero is a valid value for every field except the
  *  interface. */
 struct fsn_live_options {
-    const char *interface;    /**< network interface (soem) or number of the master (igh) */
-    const char *redundant;    /**< second interface at the other end of the ring; NULL: none */
+    const char *interface; /**< network interface (soem) or number of the master (igh) */
+    const char *redundant; /**< second interface at the other end of the ring; NULL: none */
+    bool xdp; /**< the cycle uses AF_XDP on each interface, and leaves all other packets as they are
+               */
     uint64_t cycle_ns;        /**< bus cycle, for SYNC0 and timeouts; 0: that of the plan */
     uint64_t receive_wait_ns; /**< how long receive() waits for the replies; 0 reads only those that
                                * have arrived, as required for a timed cycle */
@@ -38,6 +40,7 @@ struct fsn_backend {
     const char *about; /**< stack, version, licence and trademark terms, in lines of text */
     const struct fsn_bus_ops *ops;
     bool needs_interface; /**< fsn_live_options.interface is required */
+    bool takes_xdp;       /**< fsn_live_options.xdp */
     bool takes_redundant; /**< it can drive a ring from both ends: fsn_live_options.redundant */
     /** Creates the context for `ops`; nothing is sent before ops->open().
      *  @param[in]  options  copied, including its strings.

@@ -29,7 +29,7 @@ static void count_one(_Atomic uint32_t *counter) {
 /* -- sending -------------------------------------------------------------------------------- */
 
 /** Writes port and frame number into every datagram, which distinguish replies. */
-static void set_index(struct fsn_wire_frame *frame, uint8_t index) {
+static void set_index(const struct fsn_wire_frame *frame, uint8_t index) {
     frame->sent[FSN_WIRE_NOP + 1] = index;
     frame->sent[FSN_WIRE_LRW + 1] = index;
     if (frame->dc != 0) {
@@ -66,6 +66,37 @@ static void write_dc(struct fsn_wire *wire, const struct fsn_wire_frame *frame, 
     }
 }
 
+/** Sends all frames by a packet socket. A frame that cannot be sent does not return. */
+static void send_packets(struct fsn_wire *wire, uint32_t port) {
+    for (uint32_t f = 0; f < wire->frame_count; f++) {
+        const struct fsn_wire_frame *frame = &wire->frames[f];
+        set_index(frame, index_of(f, port));
+        /* mutants: nothing sends 0 bytes of a packet */
+        if (send(wire->sockets[port], frame->sent, frame->len_bytes, MSG_DONTWAIT) < 0) {
+            wire->unsent++;
+            wire->send_errno = errno;
+        }
+    }
+}
+
+/** The same by AF_XDP: in one system call. */
+static void send_by_rings(struct fsn_wire *wire, uint32_t port) {
+    struct fsn_rings *rings = wire->rings[port];
+    uint32_t unsent = wire->frame_count;
+    if (fsn_rings_begin(rings, wire->frame_count)) {
+        for (uint32_t f = 0; f < wire->frame_count; f++) {
+            const struct fsn_wire_frame *frame = &wire->frames[f];
+            set_index(frame, index_of(f, port));
+            fsn_rings_put(rings, f, frame->sent, frame->len_bytes);
+        }
+        unsent = fsn_rings_send(rings, wire->frame_count);
+    }
+    if (unsent > 0) {
+        wire->unsent += unsent;
+        wire->send_errno = errno;
+    }
+}
+
 void fsn_wire_send(struct fsn_wire *wire) {
     wire->unsent = 0;
     /* 0 marks frames that were never sent. */
@@ -89,15 +120,12 @@ void fsn_wire_send(struct fsn_wire *wire) {
     /* The second port is last: on a closed ring its frames only pass through. */
     for (uint32_t port = 0; port < FSN_WIRE_PORTS && wire->sockets[port] >= 0; port++) {
         for (uint32_t f = 0; f < wire->frame_count; f++) {
-            struct fsn_wire_frame *frame = &wire->frames[f];
-            set_index(frame, index_of(f, port));
-            frame->back[port] = false;
-            /* A frame that cannot be sent does not return. */
-            /* mutants: nothing sends 0 bytes of a packet */
-            if (send(wire->sockets[port], frame->sent, frame->len_bytes, MSG_DONTWAIT) < 0) {
-                wire->unsent++;
-                wire->send_errno = errno;
-            }
+            wire->frames[f].back[port] = false;
+        }
+        if (wire->rings[port] != NULL) {
+            send_by_rings(wire, port);
+        } else {
+            send_packets(wire, port);
         }
     }
 }
@@ -167,12 +195,15 @@ static uint64_t arrival_ns(struct msghdr *message) {
     return 0;
 }
 
-/** Reads one packet and its arrival time. A loop that waits for replies checks the timeout with the
- *  clock. */
+/** Reads one packet and its arrival time, which AF_XDP does not tell. A loop that waits for replies
+ * checks the timeout with the clock. */
 static ssize_t read_packet(const struct fsn_wire *wire, uint32_t port, uint8_t *packet,
                            size_t room_bytes, uint64_t *at_ns) {
+    *at_ns = 0;
+    if (wire->rings[port] != NULL) {
+        return fsn_rings_receive(wire->rings[port], packet, room_bytes);
+    }
     if (wire->wait_ns != 0) {
-        *at_ns = 0;
         return recv(wire->sockets[port], packet, room_bytes, MSG_DONTWAIT);
     }
     union {

@@ -1,4 +1,4 @@
-/** The cyclic frames of a live bus on separate raw sockets.
+/** The cyclic frames of a live bus on sockets of their own.
  *
  *  Each frame carries a NOP datagram that no SubDevice touches, with the number of its cycle: a
  *  reply is accepted only in its own cycle, however long the segment or this process was stopped.
@@ -18,6 +18,7 @@
 
 #include "fsn/bus.h"
 #include "rt/atomics.h"
+#include "rt/rings.h"
 
 enum {
     FSN_WIRE_PORTS = 2,
@@ -64,6 +65,7 @@ struct fsn_wire_frame {
 
 struct fsn_wire {
     int sockets[FSN_WIRE_PORTS]; /**< non-blocking use; the second is -1 without redundancy */
+    struct fsn_rings *rings[FSN_WIRE_PORTS]; /**< of an AF_XDP socket; NULL: a packet socket */
     uint8_t *image;
     struct fsn_wire_frame *frames;
     uint32_t frame_count, datagram_count; /**< frames beyond the datagrams carry no process data */

@@ -32,6 +32,9 @@ static void hold(struct fsn_bus_attachment *attachment, int fd) {
 
 fsn_status soem_describe(void *context, struct fsn_bus_attachment *attachment) {
     struct fsn_soem *bus = context;
+    if (bus->xdp) {
+        return FSN_E_STATE; /* its program and its queue are of one process */
+    }
     const size_t slaves = (size_t)bus->slave_count;
     struct description *d = calloc(1, bytes_of(slaves));
     if (d == NULL) {

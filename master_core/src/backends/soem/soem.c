@@ -9,6 +9,7 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "backends/soem/xdp.h"
 #include "live/port.h"
 
 enum { LISTEN_NS = 60000000, MBX_COE = 0x04, WINDOW_NS = 1000 };
@@ -82,6 +83,7 @@ static fsn_status soem_create(const struct fsn_live_options *options, void **out
         return fsn_refuse_all(fault, FSN_E_ARG,
                               "interfaces have at most 15 characters and are not the same");
     }
+    bus->xdp = options->xdp;
     bus->cycle_ns = options->cycle_ns;
     bus->wait_ns = options->receive_wait_ns;
     bus->dc_every = options->dc_every;
@@ -107,7 +109,12 @@ static void close_socket(int *socket) {
 
 void soem_release(struct fsn_soem *bus) {
     for (unsigned port = 0; port < FSN_WIRE_PORTS; port++) {
-        close_socket(&bus->sockets[port]);
+        if (bus->rings[port] == NULL) {
+            close_socket(&bus->sockets[port]);
+        }
+        soem_xdp_close(bus->rings[port]);
+        bus->rings[port] = NULL;
+        bus->sockets[port] = -1;
         close_socket(&bus->foreign[port]);
     }
     fsn_frames_free(&bus->frames);
@@ -195,7 +202,12 @@ static fsn_status open_ports(struct fsn_soem *bus, struct fsn_fault *fault) {
     const char *interface[FSN_WIRE_PORTS] = {bus->interface, bus->redundant};
     const bool stamp = bus->wait_ns == 0;
     for (size_t i = 0; i < FSN_WIRE_PORTS && interface[i][0] != '\0'; i++) {
-        FSN_TRY(fsn_port_open(interface[i], bus->tag, stamp, &bus->sockets[i], fault));
+        if (bus->xdp) {
+            FSN_TRY(soem_xdp_open(interface[i], bus->tag, &bus->rings[i], fault));
+            bus->sockets[i] = bus->rings[i]->fd;
+        } else {
+            FSN_TRY(fsn_port_open(interface[i], bus->tag, stamp, &bus->sockets[i], fault));
+        }
         FSN_TRY(fsn_port_open_foreign(interface[i], bus->tag, &bus->foreign[i], fault));
     }
     return FSN_OK;
@@ -224,6 +236,7 @@ static fsn_status make_wire(struct fsn_soem *bus, struct fsn_fault *fault) {
     wire->dc_host = bus->dc_host;
     atomic_store(&wire->dc_base, bus->dc_base);
     memcpy(wire->sockets, bus->sockets, sizeof wire->sockets);
+    memcpy(wire->rings, bus->rings, sizeof wire->rings);
     return FSN_OK;
 }
 
@@ -345,6 +358,7 @@ const struct fsn_backend *fsn_backend_soem(void) {
         .ops = &ops,
         .needs_interface = true,
         .takes_redundant = true,
+        .takes_xdp = true,
         .create = soem_create,
         .reach = fsn_port_reach,
         .free = soem_free,

@@ -68,8 +68,10 @@ struct fsn_soem {
     ec_eepromFMMUt eeprom_fmmu;
     ec_eepromPDOt eeprom_pdo;
     bool nic_open;
-    int lock;                    /**< -1, or the descriptor that locks the interface */
-    int sockets[FSN_WIRE_PORTS]; /**< of the cycle */
+    int lock;                                /**< -1, or the descriptor that locks the interface */
+    int sockets[FSN_WIRE_PORTS];             /**< of the cycle */
+    struct fsn_rings *rings[FSN_WIRE_PORTS]; /**< of the same sockets with AF_XDP, or NULL */
+    bool xdp;
     int foreign[FSN_WIRE_PORTS]; /**< receive frames of another MainDevice */
     uint16_t tag;                /**< in the source address of all our frames */
 

@@ -49,6 +49,7 @@ struct fsn_control_status {
     int cpu;                           /**< CPU number + 1; 0: not pinned */
     int priority;                      /**< of the cyclic thread; 0: none */
     bool free_run;
+    bool xdp; /**< sockets of this host do not see the frames of the cycle */
     const char *acceptance, *acceptance_said;      /**< signed record, and output of its check */
     const struct fsn_interventions *interventions; /**< NULL: none are logged */
     int standby_pid;                               /**< successor process; 0: none */

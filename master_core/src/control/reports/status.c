@@ -210,6 +210,7 @@ void fsn_report_status(struct fsn_bus_view *view, uint32_t clients, struct fsn_j
     fsn_json_put_text(json, "backend", status.backend);
     fsn_json_put_text_or_null(json, "interface", status.interface);
     fsn_json_put_text_or_null(json, "redundant", status.redundant);
+    fsn_json_put_bool(json, "xdp", status.xdp);
     fsn_json_put_text(json, "plan", status.plan_file);
     fsn_json_put_text(json, "plan_sha256", view->sha256);
     fsn_report_fingerprint(view, json);
