@@ -79,7 +79,7 @@ static void set_up(bool zero_copy) {
 
 /** One cycle, whose packets begin with `first`, `first` + 1 ...   @return as fsn_rings_send(). */
 static uint32_t cycle(uint32_t count, uint8_t first) {
-    uint8_t packet[FRAME_BYTES] = {0};
+    uint8_t packet[FRAME_BYTES + 3] = {0};
     if (!fsn_rings_begin(&rings, count)) {
         CHECK(errno == EBUSY);
         return count;
