@@ -12,6 +12,7 @@ import unicodedata
 from pathlib import Path
 
 import pytest
+from weekly import first
 
 from fsoe_net.diag.printable import first_control, printable
 
@@ -65,25 +66,28 @@ def estop(tmp_path: Path) -> Path:
 @pytest.mark.shows("R24")
 @pytest.mark.parametrize(
     "command",
-    [
-        ["check"],
-        ["plan", "--show"],
-        ["plan", "-o", "x.fsnplan"],
-        ["diff", "network.yaml"],
-        ["acceptance", "verify", "--accepted"],
-        ["timing"],
-        ["report", "-o", "r.html"],
-        ["convert", "--to", "eni", "-o", "x.xml"],
-        ["init", "--no-input"],
-        ["run"],
-        ["campaign"],
-        ["decode"],
-        ["campaign", "--replay"],
-        ["log", "incident"],
-        ["init", "--list"],
-        ["explain"],
-        ["nonsense"],
-    ],
+    first(
+        8,
+        [
+            ["check"],
+            ["report", "-o", "r.html"],
+            ["run"],
+            ["decode"],
+            ["log", "incident"],
+            ["explain"],
+            ["nonsense"],
+            ["init", "--no-input"],
+            ["plan", "--show"],
+            ["plan", "-o", "x.fsnplan"],
+            ["diff", "network.yaml"],
+            ["acceptance", "verify", "--accepted"],
+            ["timing"],
+            ["convert", "--to", "eni", "-o", "x.xml"],
+            ["campaign"],
+            ["campaign", "--replay"],
+            ["init", "--list"],
+        ],
+    ),
     ids=lambda c: c[0],
 )
 def test_a_file_name_is_shown_and_does_nothing(command: list[str], tmp_path: Path, estop: Path):

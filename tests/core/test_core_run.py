@@ -167,6 +167,7 @@ def test_any_order_of_garbage_collection(order: tuple[str, ...]) -> None:
         gc.collect()
 
 
+@pytest.mark.weekly
 def test_reference_cycles_are_collected() -> None:
     for _ in range(50):
         rig = Rig()

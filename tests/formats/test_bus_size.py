@@ -141,6 +141,7 @@ def _calls(paths: list[Path]) -> int:
     return count
 
 
+@pytest.mark.weekly
 def test_the_work_of_a_proposal_grows_with_the_bus(tmp_path: Path) -> None:
     sizes = {}
     for size in (100, 400):

@@ -186,6 +186,7 @@ def test_very_many_unknown_keys_are_refused_with_few_guesses(
 
 @pytest.mark.shows("R7")
 @pytest.mark.uncounted
+@pytest.mark.weekly
 def test_memory_stays_bounded(tmp_path: Path):
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     codes(b"[" + b"[]," * 5_000_000 + b"]", tmp_path)

@@ -8,6 +8,7 @@ import pytest
 from fsoe.pair import Bench, counted, make_main, make_sub, parts, right
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from weekly import first
 
 from fsoe_net.errors import ConfigError
 from fsoe_net.fsoe.chain import reset_frame
@@ -96,7 +97,7 @@ def test_known_start_of_one_byte():
     ]
 
 
-@pytest.mark.parametrize("sizes", [(1, 1), (2, 2), (6, 14)])
+@pytest.mark.parametrize("sizes", first(1, [(6, 14), (2, 2), (1, 1)]))
 @pytest.mark.uncounted
 def test_long_run_wraps_and_collides(sizes):
     """Constant data for more than one turn of the sequence number, natural collisions included."""

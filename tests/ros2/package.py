@@ -21,7 +21,7 @@ ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "ros" / "fsoe_net_ros"
 CORE = ROOT / "master_core"
 REQUIRED = "ros2" in os.environ.get("FSN_REQUIRE", "").split(",")
-GENERATIONS = ("humble", "jazzy", "rolling")
+GENERATIONS = ("jazzy", "humble", "rolling")
 COUNTS_PER_RAD = 65536 / math.tau  # of an emulated drive
 
 

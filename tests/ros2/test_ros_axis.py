@@ -269,7 +269,7 @@ def test_positions_without_a_factor_are_named(tmp_path: Path) -> None:
 SPEED = "p:axis_1/max_velocity=1"
 
 
-@pytest.mark.parametrize("generation", first(2, GENERATIONS))
+@pytest.mark.parametrize("generation", first(1, GENERATIONS))
 @pytest.mark.parametrize(
     ("words", "line", "text"),
     [

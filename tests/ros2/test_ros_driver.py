@@ -225,6 +225,7 @@ def test_its_master_ends_with_a_component_that_is_killed(program: Path, tmp_path
         system.goes("init", "configure", "activate")
 
 
+@pytest.mark.weekly
 def test_humble_takes_the_file_of_the_description(tmp_path: Path) -> None:
     """The stub is that of a version that does not pass the description on."""
     urdf, socket = robot(tmp_path), tmp_path / "s"
