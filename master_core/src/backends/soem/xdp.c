@@ -262,28 +262,7 @@ static fsn_status open_steps(struct xdp *x, const char *interface, uint16_t tag,
     return FSN_OK;
 }
 
-fsn_status soem_xdp_open(const char *interface, uint16_t tag, struct fsn_rings **rings,
-                         struct fsn_fault *fault) {
-    *rings = NULL;
-    struct xdp *x = calloc(1, sizeof *x);
-    if (x == NULL) {
-        return fsn_refuse_all(fault, FSN_E_NOMEM, NULL);
-    }
-    x->rings.fd = x->map = x->program = x->link = -1;
-    const fsn_status status = open_steps(x, interface, tag, fault);
-    if (status != FSN_OK) {
-        soem_xdp_close(&x->rings);
-        return status;
-    }
-    *rings = &x->rings;
-    return FSN_OK;
-}
-
-void soem_xdp_close(struct fsn_rings *rings) {
-    if (rings == NULL) {
-        return;
-    }
-    struct xdp *x = (struct xdp *)rings; /* its first member */
+static void release(struct xdp *x) {
     const int open[] = {x->link, x->rings.fd, x->program, x->map};
     for (size_t i = 0; i < sizeof open / sizeof open[0]; i++) {
         if (open[i] >= 0) {
@@ -295,8 +274,31 @@ void soem_xdp_close(struct fsn_rings *rings) {
             munmap(x->mapped[i].at, x->mapped[i].bytes);
         }
     }
-    if (rings->memory != NULL) {
-        munmap(rings->memory, MEMORY_BYTES);
+    if (x->rings.memory != NULL) {
+        munmap(x->rings.memory, MEMORY_BYTES);
     }
     free(x);
+}
+
+fsn_status soem_xdp_open(const char *interface, uint16_t tag, struct fsn_rings **rings,
+                         struct fsn_fault *fault) {
+    *rings = NULL;
+    struct xdp *x = calloc(1, sizeof *x);
+    if (x == NULL) {
+        return fsn_refuse_all(fault, FSN_E_NOMEM, NULL);
+    }
+    x->rings.fd = x->map = x->program = x->link = -1;
+    const fsn_status status = open_steps(x, interface, tag, fault);
+    if (status != FSN_OK) {
+        release(x);
+        return status;
+    }
+    *rings = &x->rings;
+    return FSN_OK;
+}
+
+void soem_xdp_close(struct fsn_rings *rings) {
+    if (rings != NULL) {
+        release((struct xdp *)rings); /* its first member */
+    }
 }
