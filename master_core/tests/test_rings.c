@@ -22,7 +22,8 @@ static struct {
     } rx, tx, fill, completion;
     struct xdp_desc rx_entries[FSN_RINGS_SLOTS], tx_entries[FSN_RINGS_SLOTS];
     uint64_t fill_entries[FSN_RINGS_SLOTS], completion_entries[FSN_RINGS_SLOTS];
-    int error; /**< the interface is down: the kernel takes nothing */
+    int error; /**< the interface is down: the kernel takes nothing more */
+    int takes; /**< packets before that */
     int drops; /**< of so many packets: taken, but the driver refuses them */
     int interrupted;
     uint32_t left; /**< packets that were sent */
@@ -35,7 +36,7 @@ static struct fsn_rings rings;
 ssize_t send(int fd, const void *bytes, size_t len, int flags) {
     CHECK(fd == FD && bytes == NULL && len == 0 && flags == MSG_DONTWAIT);
     os.wakeups++;
-    if (os.error != 0 || os.interrupted > 0) {
+    if ((os.error != 0 && os.takes == 0) || os.interrupted > 0) {
         errno = os.interrupted-- > 0 ? EINTR : os.error;
         return -1;
     }
@@ -44,6 +45,11 @@ ssize_t send(int fd, const void *bytes, size_t len, int flags) {
         CHECK(at->options == 0 && at->addr % FSN_RINGS_SLOT_BYTES == 0);
         os.completion_entries[os.completion.producer % FSN_RINGS_SLOTS] = at->addr;
         os.completion.producer++;
+        if (os.takes > 0 && --os.takes == 0 && os.error != 0) {
+            os.left++;
+            errno = os.error;
+            return -1;
+        }
         if (os.drops > 0) {
             os.drops--;
             errno = EBUSY;
@@ -120,16 +126,30 @@ static void nothing_old_leaves_late(void) {
     CHECK(cycle(2, 200) == 0 && os.left == 2 && os.first[0] == 200 && os.first[1] == 201);
 }
 
+/** The interface goes down in the middle of a cycle: all of the next one leaves, and only that. */
+static void a_cycle_that_has_left_in_part_is_followed_by_a_whole_one(void) {
+    set_up(false);
+    os.error = ENETDOWN;
+    os.takes = 2;
+    CHECK(cycle(5, 1) == 3 && errno == ENETDOWN);
+    CHECK(cycle(5, 50) == 5);
+    os.error = 0;
+    os.left = 0;
+    CHECK(cycle(5, 100) == 0 && os.left == 5);
+    for (uint32_t n = 0; n < 5; n++) {
+        CHECK(os.first[n] == 100 + n && os.length[n] == FRAME_BYTES + n % 4);
+    }
+}
+
 /** A card that reads the slots itself may be in the middle of one. */
 static void a_card_keeps_what_it_has(void) {
     set_up(true);
     os.error = ENETDOWN;
     CHECK(cycle(2, 1) == 2 && errno == ENETDOWN);
-    os.error = 0;
     CHECK(cycle(2, 3) == 2 && errno == EBUSY && os.left == 0);
     CHECK(os.memory[FSN_RINGS_SLOTS][0] == 1);
-    os.tx.consumer += 2; /* it has sent them */
-    os.completion.producer += 2;
+    os.error = 0; /* when it is woken again it sends them */
+    CHECK(cycle(2, 4) == 2 && errno == EBUSY && os.left == 2 && os.first[0] == 1);
     os.tx.flags = 0; /* and is awake: no system call */
     os.wakeups = 0;
     CHECK(cycle(2, 5) == 0 && os.wakeups == 0 && os.memory[FSN_RINGS_SLOTS + 2][0] == 5);
@@ -219,6 +239,7 @@ static void every_slot_comes_back_after_a_flood(void) {
 int main(void) {
     packets_leave_in_order();
     nothing_old_leaves_late();
+    a_cycle_that_has_left_in_part_is_followed_by_a_whole_one();
     a_card_keeps_what_it_has();
     packets_that_the_driver_refuses_are_counted();
     slots_in_use_stay_untouched();

@@ -33,15 +33,20 @@ enum {
     ETHERNET_BYTES = 1500,
 };
 
-static fsn_status refuse_system(struct fsn_fault *fault, const char *interface, const char *rule) {
+fsn_status fsn_port_refuse(struct fsn_fault *fault, const char *interface, const char *rule,
+                           const char *permission) {
     const int error = errno;
     fsn_refuse_all(fault, FSN_E_SYS, rule);
     if (fault != NULL) {
         fault->sys_errno = error;
-        snprintf(fault->detail, sizeof fault->detail, "%s%s", interface,
-                 error == EPERM ? "; raw sockets need CAP_NET_RAW" : "");
+        snprintf(fault->detail, sizeof fault->detail, "%s%s%s", interface,
+                 error == EPERM ? "; " : "", error == EPERM ? permission : "");
     }
     return FSN_E_SYS;
+}
+
+static fsn_status refuse_system(struct fsn_fault *fault, const char *interface, const char *rule) {
+    return fsn_port_refuse(fault, interface, rule, "raw sockets need CAP_NET_RAW");
 }
 
 static fsn_status refuse_detail(struct fsn_fault *fault, fsn_status status, const char *interface,

@@ -52,6 +52,11 @@ void fsn_port_discard(int socket);
  *  @retval FSN_E_BUS_BUSY  there is one; the detail describes the frames. */
 fsn_status fsn_port_listen(const char *interface, uint64_t listen_ns, struct fsn_fault *fault);
 
+/** Refuses an interface because a system call failed, for the reason in errno.
+ *  @param[in] permission  added where that is EPERM.   @return FSN_E_SYS. */
+fsn_status fsn_port_refuse(struct fsn_fault *fault, const char *interface, const char *rule,
+                           const char *permission);
+
 /** Sends a frame that no SubDevice processes; returns 0, or errno if it cannot be sent. */
 int fsn_port_try(const char *interface);
 

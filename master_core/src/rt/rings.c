@@ -39,13 +39,19 @@ void fsn_rings_fill(struct fsn_rings *rings) {
 
 bool fsn_rings_begin(struct fsn_rings *rings, uint32_t count) {
     const uint32_t waiting = rings->sent - seen(rings->tx.consumer);
-    rings->completed = seen(rings->completion.producer);
-    show(rings->completion.consumer, rings->completed);
-    /* Without zero copy the kernel reads slots only while this thread is in a system call. */
-    const bool replaces = waiting == count && !rings->zero_copy;
-    rings->first = rings->sent - (replaces ? count : 0);
+    const uint32_t completed = seen(rings->completion.producer);
+    show(rings->completion.consumer, completed);
     errno = EBUSY;
-    return (waiting == 0 || replaces) && rings->first + count - rings->completed <= FSN_RINGS_SLOTS;
+    if (rings->zero_copy && waiting > 0) {
+        if (needs_wakeup(&rings->tx)) {
+            (void)send(rings->fd, NULL, 0, MSG_DONTWAIT);
+            errno = EBUSY;
+        }
+        return false;
+    }
+    /* Without zero copy the kernel reads slots only while this thread is in a system call. */
+    rings->first = rings->sent - waiting;
+    return rings->first + count - completed <= FSN_RINGS_SLOTS;
 }
 
 void fsn_rings_put(struct fsn_rings *rings, uint32_t number, const uint8_t *packet,

@@ -32,16 +32,16 @@ struct fsn_rings {
     bool zero_copy;  /**< the network card reads and writes the slots itself */
     uint8_t *memory; /**< slots to receive, then slots to send */
     struct fsn_rings_queue rx, tx, fill, completion;
-    uint32_t sent;      /**< entries ever handed over for sending */
-    uint32_t first;     /**< entry of the first packet of this cycle */
-    uint32_t completed; /**< entries whose slot the kernel has given back */
+    uint32_t sent;  /**< entries ever handed over for sending */
+    uint32_t first; /**< entry of the first packet of this cycle */
 };
 
 /** Gives the kernel all slots of the receiving half. */
 void fsn_rings_fill(struct fsn_rings *rings);
 
-/** Begins a cycle of `count` packets. Packets that the kernel has not taken since the last cycle
- * are replaced, not sent late; where that is not possible this cycle is not sent.
+/** Begins a cycle of `count` packets, as many as in each cycle. Packets that the kernel has not
+ * taken since the last cycle are replaced, not sent late. With zero copy the card may be reading
+ * them: it gets no others until it has sent them.
  *  @return whether there is room; otherwise errno is EBUSY. */
 bool fsn_rings_begin(struct fsn_rings *rings, uint32_t count);
 

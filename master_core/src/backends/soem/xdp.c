@@ -32,7 +32,7 @@ enum {
     STEP_MS = 20,
 };
 
-/** What is open besides the rings: closing `link` takes the program from the interface. */
+/** The rings, and what else is open; closing `link` removes the program from the interface. */
 struct xdp {
     struct fsn_rings rings;
     int map, program, link;
@@ -43,14 +43,7 @@ struct xdp {
 };
 
 static fsn_status refuse(struct fsn_fault *fault, const char *interface, const char *rule) {
-    const int error = errno;
-    fsn_refuse_all(fault, FSN_E_SYS, rule);
-    if (fault != NULL) {
-        fault->sys_errno = error;
-        snprintf(fault->detail, sizeof fault->detail, "%s%s", interface,
-                 error == EPERM ? "; AF_XDP also needs CAP_NET_ADMIN and CAP_BPF" : "");
-    }
-    return FSN_E_SYS;
+    return fsn_port_refuse(fault, interface, rule, "AF_XDP also needs CAP_NET_ADMIN and CAP_BPF");
 }
 
 static int bpf(enum bpf_cmd command, union bpf_attr *attributes) {
@@ -194,14 +187,14 @@ static fsn_status check_queues(const char *interface, struct fsn_fault *fault) {
     if (!known || queues.rx_count + queues.combined_count <= 1) {
         return FSN_OK; /* a driver that does not report them has one */
     }
-    fsn_refuse_all(fault, FSN_E_ARG, "AF_XDP reads the first queue of an interface only");
+    fsn_refuse_all(fault, FSN_E_STATE, "AF_XDP reads the first queue of an interface only");
     if (fault != NULL) {
         snprintf(fault->detail, sizeof fault->detail,
                  "%s receives on %u queues; ethtool -L %s %s 1", interface,
                  queues.rx_count + queues.combined_count, interface,
                  queues.combined_count > 0 ? "combined" : "rx");
     }
-    return FSN_E_ARG;
+    return FSN_E_STATE;
 }
 
 static void wait_for_link(const char *interface) {
@@ -235,11 +228,11 @@ static fsn_status open_steps(struct xdp *x, const char *interface, uint16_t tag,
     }
     x->link = attach(x->program, number);
     if (x->link < 0 && errno == EBUSY) {
-        fsn_refuse_all(fault, FSN_E_BUS_BUSY, "another XDP program has the interface");
+        fsn_refuse_all(fault, FSN_E_STATE, "another XDP program has the interface");
         if (fault != NULL) {
             snprintf(fault->detail, sizeof fault->detail, "%s; bpftool net lists it", interface);
         }
-        return FSN_E_BUS_BUSY;
+        return FSN_E_STATE;
     }
     if (x->link < 0) {
         return refuse(fault, interface, "the interface takes no XDP program");

@@ -8,9 +8,8 @@
 
 /** Opens the rings of an interface.
  *  @param[out] rings  to be closed by soem_xdp_close(); NULL on refusal.
- *  @retval FSN_E_SYS       a system call failed, see sys_errno: EPERM without the capabilities.
- *  @retval FSN_E_ARG       the interface receives on several queues.
- *  @retval FSN_E_BUS_BUSY  another XDP program has the interface.
+ *  @retval FSN_E_SYS    a system call failed, see sys_errno: EPERM without the capabilities.
+ *  @retval FSN_E_STATE  the interface receives on several queues, or has another XDP program.
  *  Details go to `fault`. */
 fsn_status soem_xdp_open(const char *interface, uint16_t tag, struct fsn_rings **rings,
                          struct fsn_fault *fault);
