@@ -286,7 +286,7 @@ fsn_status soem_xdp_open(const char *interface, uint16_t tag, struct fsn_rings *
         release(x);
         return status;
     }
-    *rings = &x->rings;
+    *rings = (struct fsn_rings *)x; /* its first member */
     return FSN_OK;
 }
 
