@@ -50,6 +50,7 @@ def run_inside(
     cables: int = 1,
     cwd: Path | None = None,
     text: str = "",
+    limit_s: float | None = None,
 ) -> subprocess.CompletedProcess[str]:
     """Run a command there, and return what it wrote; programs of ours find ours and their own.
 
@@ -61,6 +62,10 @@ def run_inside(
         cables: how many there are.
         cwd: the folder it is run in.
         text: its standard input.
+        limit_s: after which it is killed.
+
+    Raises:
+        subprocess.TimeoutExpired: It was killed.
     """
     with tempfile.TemporaryDirectory(prefix="fsn-") as own:
         ours = {"PYTHONPATH": f"{ROOT}:{TESTS}", "TMPDIR": own, "XDG_RUNTIME_DIR": own}
@@ -72,6 +77,7 @@ def run_inside(
             check=False,
             cwd=cwd,
             env=os.environ | ours,
+            timeout=limit_s,
         )
 
 

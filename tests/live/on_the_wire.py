@@ -9,6 +9,7 @@ import subprocess
 
 import pytest
 from live.support import EXAMPLES
+from patience import PATIENCE_S
 from wires import attempts, missing, run_program
 
 from fsoe_net.errors import EnvironmentFault
@@ -33,13 +34,28 @@ def why_not():
     return missing()
 
 
-def on_the_wire(case, *networks, tmp, good=lambda _: True, script="live/live_rig.py", cables=1):
+LIMIT_S = PATIENCE_S + 50  # of one attempt, so that a second one fits into the time-out of a test
+
+
+def on_the_wire(
+    case,
+    *networks,
+    tmp,
+    good=lambda _: True,
+    script="live/live_rig.py",
+    cables=1,
+    limit_s=LIMIT_S,
+):
     why = why_not()
     if why:
         (pytest.fail if REQUIRED else pytest.skip)(why)
     seen = "nothing"
     for _ in attempts(tmp, ATTEMPTS):
-        done = run_program(script, case, *networks, cwd=tmp, cables=cables)
+        try:
+            done = run_program(script, case, *networks, cwd=tmp, cables=cables, limit_s=limit_s)
+        except subprocess.TimeoutExpired as e:
+            seen = f"no end: {e}"
+            continue
         assert "Traceback (most recent" not in done.stdout
         seen = done.stdout + done.stderr
         if done.returncode == 0:

@@ -299,7 +299,9 @@ class DrivenAxis(Drive):
 
     def enable(self, name="position"):
         """Claim a command; again if a busy machine has made the safety logic take the torque."""
-        while self.state() != self.ENABLED:
+        while (state := self.state()) != self.ENABLED:
+            if state == self.FAULT:  # it has left OP before the safety logic took the torque
+                sys.exit("the drive has a fault: a busy machine")
             self.acknowledge()
             self.system.goes(f"start shoulder/{name}", "cycle 50")
 

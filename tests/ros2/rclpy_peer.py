@@ -11,11 +11,13 @@ rclpy_peer.py nodes                 for each line of its input: the names of all
 
 import importlib
 import json
+import signal
 import sys
 
 import rclpy
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import SetParameters
+from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import Trigger
 
 WAIT_S = 1.0
@@ -44,7 +46,8 @@ def write(value):
 
 def listen(node, topic, kind):
     node.create_subscription(message_type(kind), topic, lambda message: write(plain(message)), 10)
-    rclpy.spin(node)
+    while True:  # a signal is seen when it returns
+        rclpy.spin_once(node, timeout_sec=WAIT_S)
 
 
 def send(node, topic, kind):
@@ -80,7 +83,18 @@ def nodes(node):
         write(node.get_node_names())
 
 
-rclpy.init()
-{"listen": listen, "send": send, "call": call, "set": set_parameters, "nodes": nodes}[sys.argv[1]](
-    rclpy.create_node(f"peer_{sys.argv[1]}"), *sys.argv[2:]
-)
+JOBS = {"listen": listen, "send": send, "call": call, "set": set_parameters, "nodes": nodes}
+
+
+def end(_number, _frame):
+    sys.exit(0)
+
+
+rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+signal.signal(signal.SIGTERM, end)
+own = rclpy.create_node(f"peer_{sys.argv[1]}")
+try:
+    JOBS[sys.argv[1]](own, *sys.argv[2:])
+finally:
+    own.destroy_node()
+    rclpy.shutdown()

@@ -110,7 +110,7 @@ def slow_cell(folder: Path) -> Path:
 def test_random_kills_and_freezes_move_no_axis(package: Path, tmp_path: Path) -> None:
     """Two axes on a trajectory, next to hardware on another; see `kills_rig.py`."""
     words = ("kills", slow_cell(tmp_path), package, motors(tmp_path), KILLS_SEED, KILLS_ROUNDS)
-    seen = dict(on_the_wire(*words, tmp=tmp_path, script="live/kills_rig.py"))
+    seen = dict(on_the_wire(*words, tmp=tmp_path, script="live/kills_rig.py", limit_s=None))
     assert seen["notes"] == [], f"FSN_KILLS_SEED={KILLS_SEED}"
     assert seen["moving"] > 5 * len(seen["ways"]), seen
     assert seen["ends"] == [[SUCCEEDED, 0]] * len(seen["ways"]), seen

@@ -38,7 +38,10 @@ RMW = {
     "ROS_DISTRO": "jazzy",
 }
 
-pytestmark = pytest.mark.skipif(PYTHON is None, reason="needs rclpy: scripts/rig/ros2")
+pytestmark = [
+    pytest.mark.skipif(PYTHON is None, reason="needs rclpy: scripts/rig/ros2"),
+    pytest.mark.timeout(240),
+]
 
 
 class Node:
@@ -75,8 +78,13 @@ class Node:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.process.kill()
-        self.process.communicate()
+        """Let it end by itself: a killed node may leave locks of Fast DDS behind, held for ever."""
+        self.process.terminate()
+        try:
+            self.process.communicate(timeout=30)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.communicate()
 
 
 @pytest.fixture(scope="module")
@@ -251,7 +259,7 @@ def test_the_commands_of_ros_do_what_a_page_states(legs: Master, has_ros: bool) 
         sender = subprocess.Popen(tied(PYTHON, str(tool), *shlex.split(send)), env=environment)
         with legs.client() as client:
             client.wait_for("front_left_leg.kp_100_knee", 5)
-            sender.kill()
+            sender.terminate()
             sender.wait()
             client.wait_for("front_left_leg.kp_100_knee", 0)
         # Without its daemon it looks for half a second.
