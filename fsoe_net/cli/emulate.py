@@ -13,6 +13,7 @@ from fsoe_net.cli.inputs import input_options
 from fsoe_net.cli.options import (
     INTERFACE,
     RUN_TIME,
+    device_period_option,
     format_option,
     interfaces_of,
     scenario_option,
@@ -26,7 +27,7 @@ from fsoe_net.plan.compile import compile_plan
 from fsoe_net.project.check import check_files, whole_network
 from fsoe_net.project.simulate import with_scenario
 from fsoe_net.simulate.emulate import SegmentSession, serve
-from fsoe_net.simulate.session import random_session_ids
+from fsoe_net.simulate.session import DEVICE_PERIOD_NS, random_session_ids
 from fsoe_net.version import __version__
 
 _STDIN = 0
@@ -67,6 +68,7 @@ end; 1 otherwise, or a file has an error; 2 usage error; 3 no such interface, or
 )
 @click.option("--cpu", type=click.IntRange(0, 1023), help="CPU of the answering thread.")
 @scenario_option
+@device_period_option
 @click.option(
     "--no-machine-on-this-wire",
     "vouched",
@@ -92,6 +94,7 @@ def command(
     priority: int,
     cpu: int | None,
     scenario_file: str | None,
+    device_period_ns: int | None,
     vouched: bool,
     commands: bool,
     duration_ns: int | None,
@@ -110,7 +113,6 @@ def command(
         ),
         scenario_file,
     )
-    # A scenario ends after its last step.
     if duration_ns is None and session.scenario is not None:
         duration_ns = session.scenario.duration_ns or None
     # Emulated devices on the network of a machine could be mistaken for real ones.
@@ -127,9 +129,7 @@ def command(
     ]
     if redundant is not None and len(links) > 1:
         raise click.UsageError("--redundant goes with a network of one bus")
-    where = (
-        ", ".join(interfaces) if redundant is None else f"{interfaces[0]} and {redundant}, a ring"
-    )
+    where = f"{interfaces[0]} and {redundant}, a ring" if redundant else ", ".join(interfaces)
     size = counted(sum(segment.size for segment in session.segments), "SubDevice")
     banner = f"EMULATION of {size} on {where}; Ctrl-C ends it"
     result = serve(
@@ -137,6 +137,7 @@ def command(
         links[0],
         duration_ns,
         further=links[1:],
+        period_ns=device_period_ns or DEVICE_PERIOD_NS,
         on_step=CommandLines(_STDIN) if commands else None,
         on_link=lambda: echo(banner, err=True),
         stop=stop_on(ENDS_OR_HANGS_UP),

@@ -317,3 +317,14 @@ def scenario_option(function: _F) -> _F:
         metavar="FILE",
         help="YAML file with steps and expectations.",
     )(function)
+
+
+def device_period_option(function: _F) -> _F:
+    """Add ``--device-period``."""
+    return click.option(
+        "--device-period",
+        "device_period_ns",
+        type=Time("100us", "1s"),
+        metavar="TIME",
+        help="Cycle of the emulated devices in real time. Default: 1ms.",
+    )(function)

@@ -14,7 +14,7 @@ from fsoe_net.cli.options import (
     FILE,
     FOLDER,
     RUN_TIME,
-    Time,
+    device_period_option,
     format_option,
     overwrite_option,
     scenario_option,
@@ -71,13 +71,7 @@ core, fsn-master or a permission is missing."""
     metavar="FILE",
     help="Write the frames of a virtual run to this pcapng file.",
 )
-@click.option(
-    "--device-period",
-    "device_period_ns",
-    type=Time("100us", "1s"),
-    metavar="TIME",
-    help="Cycle of the emulated devices in real time. Default: 1ms.",
-)
+@device_period_option
 @click.option(
     "--incidents",
     type=FOLDER,

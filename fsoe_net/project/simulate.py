@@ -19,6 +19,7 @@ from fsoe_net.plan.model import Plan
 from fsoe_net.simulate.incidents import IncidentRecorder
 from fsoe_net.simulate.scenario_run import ScenarioRun
 from fsoe_net.simulate.session import (
+    DEVICE_PERIOD_NS,
     Session,
     counted_session_ids,
     random_session_ids,
@@ -68,7 +69,7 @@ def simulate(
         return run_live(
             session,
             duration_ns,
-            device_period_ns=device_period_ns or 1_000_000,
+            device_period_ns=device_period_ns or DEVICE_PERIOD_NS,
             on_update=on_update,
             incidents=recorder,
         )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -76,6 +75,17 @@ class ProcessData(Protocol):
         """Return whether outputs arrive, because the SubDevice is in OP."""
 
 
+class _Images(dict[int, bytes]):
+    """Outputs by sync manager, read once in a step: frames and axes can share one."""
+
+    def __init__(self, io: ProcessData) -> None:
+        self._io = io
+
+    def __missing__(self, sm: int) -> bytes:
+        image = self[sm] = self._io.read_outputs(sm)
+        return image
+
+
 @dataclass(slots=True)
 class EmulatedDevice:
     """One SubDevice: its FSoE ends, and its last published input process data."""
@@ -92,11 +102,9 @@ class EmulatedDevice:
     _set: set[tuple[int, int]] = field(default_factory=set)
     _shown: dict[tuple[int, int], int] = field(default_factory=dict)
     _mains: tuple[Port, ...] = ()
-    _rx_sms: tuple[int, ...] = ()  # a logic has many ends in one sync manager
 
     def __post_init__(self) -> None:
         self._mains = tuple(port for port in self.ports if port.is_main)
-        self._rx_sms = tuple({port.rx_sm for port in self.ports})
 
     def set_input(self, sm: int, bit: int, bits: int, value: int) -> None:
         """Set standard input bits of a sync manager; they are published in the next step.
@@ -113,8 +121,7 @@ class EmulatedDevice:
     def step(self, now_ns: int, io: ProcessData) -> None:
         """Read outputs, let every FSoE end take one step, publish inputs that changed."""
         changed = self._unpublished
-        # Read once for each sync manager: several frames can be in one.
-        images = {sm: io.read_outputs(sm) for sm in self._rx_sms}
+        images = _Images(io)
         for port in self.ports:
             frame = images[port.rx_sm][port.rx_byte : port.rx_byte + port.rx_bytes]
             # A SubInstance needs its address before it answers the first frame.
@@ -126,7 +133,7 @@ class EmulatedDevice:
                 self.inputs[port.tx_sm][port.tx_byte : port.tx_byte + len(answer)] = answer
                 changed.add(port.tx_sm)
         self._decide(now_ns)
-        self._move(now_ns, io)
+        self._move(now_ns, io, images)
         # Written after all ends have stepped: a MainDevice must not see an incomplete step.
         for sm in changed:
             io.write_inputs(sm, bytes(self.inputs[sm]))
@@ -140,12 +147,11 @@ class EmulatedDevice:
         for name, value in port.reported.items():
             port.sends[name].write(port.safe, value)
 
-    def _move(self, now_ns: int, io: ProcessData) -> None:
+    def _move(self, now_ns: int, io: ProcessData, images: _Images) -> None:
         """Advance every axis by one step."""
         if not self.axes:
             return
-        # Several axes may have their objects in one sync manager.
-        image = functools.cache(io.read_outputs)
+        image = images.__getitem__
         operational = io.operational()
         for wired in self.axes:
             axis = wired.axis

@@ -18,6 +18,7 @@ from fsoe_net.simulate.engine import state_of
 from fsoe_net.simulate.faults import apply_step
 from fsoe_net.simulate.live_objects import LiveObjects
 from fsoe_net.simulate.scenario_run import DeviceSide, ScenarioRun
+from fsoe_net.simulate.session import DEVICE_PERIOD_NS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -159,7 +160,7 @@ def serve(
     duration_ns: int | None,
     *,
     further: Sequence[SegmentLink] = (),
-    period_ns: int = 1_000_000,
+    period_ns: int = DEVICE_PERIOD_NS,
     on_update: Callable[[SegmentSession, int], None] | None = None,
     on_step: Callable[[SegmentSession, int], None] | None = None,
     on_link: Callable[[], None] | None = None,

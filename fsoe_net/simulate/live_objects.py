@@ -58,16 +58,34 @@ class LiveObjects:
             for segment in [segment_of(name)]
         ]
         self._reported: list[dict[tuple[int, int], bytes]] = [{} for _ in self._devices]
+        self._facts: list[list[object]] = [[] for _ in self._devices]
 
     def update(self) -> None:
         """Report changes."""
-        for (segment, position, device), reported in zip(
-            self._devices, self._reported, strict=True
-        ):
+        for number, (segment, position, device) in enumerate(self._devices):
+            facts: list[object] = [_facts(port) for port in device.ports]
+            if facts == self._facts[number]:  # at almost every step
+                continue
+            self._facts[number] = facts
+            reported = self._reported[number]
             for index, sub, data in _rows(device):
                 if reported.get((index, sub)) != data:
                     segment.set_object(position, index, sub, data)
                     reported[index, sub] = data
+
+
+def _facts(port: Port) -> object:
+    """Return all that changes in the rows of a port."""
+    instance = port.instance
+    return (
+        instance.config.address,
+        instance.state,
+        instance.connection_id,
+        instance.data_valid,
+        port.setup.main.connection_id,
+        port.setup.main.watchdog_ms,
+        len(port.setup.main.app_parameters),
+    )
 
 
 def _rows(device: EmulatedDevice) -> Iterator[_Row]:

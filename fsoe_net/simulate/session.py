@@ -70,6 +70,7 @@ class BusCapture:
 
 
 DEFAULT_DURATION_NS = 3_000_000_000
+DEVICE_PERIOD_NS = 1_000_000
 _INTERRUPTED = "interrupted by the user"
 
 
@@ -250,7 +251,7 @@ def run_live(
     session: Session,
     duration_ns: int,
     *,
-    device_period_ns: int = 1_000_000,
+    device_period_ns: int = DEVICE_PERIOD_NS,
     on_update: Callable[[RunUpdate], None] | None = None,
     incidents: IncidentRecorder | None = None,
 ) -> Run:

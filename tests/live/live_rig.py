@@ -38,6 +38,10 @@ def wait_for(what, found):
     return value
 
 
+# Half the processor time of the default; a real device needs as long or longer.
+PERIOD = ("--device-period", "2ms")
+
+
 class Emulator:
     """`fsoe-net emulate` on the far end of each cable; takes commands."""
 
@@ -45,7 +49,7 @@ class Emulator:
         where = [word for far in interfaces for word in ("--interface", far)]
         with not_counted():  # at each cycle it would take twice the processor time
             self._process = subprocess.Popen(
-                [*before, *FSN, "emulate", network, *where, "--commands", *options],
+                [*before, *FSN, "emulate", network, *where, "--commands", *PERIOD, *options],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.PIPE,
