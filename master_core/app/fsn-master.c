@@ -73,7 +73,7 @@ static int load(struct options *o, struct fsn_plan **plan) {
     }
     int code = -1;
     if (fsn_plan_load(bytes, len, plan, &fault) != FSN_OK) {
-        explain_fault(&fault, NULL, text, sizeof text);
+        explain_fault(&fault, NULL, o, text, sizeof text);
         log_line(FSN_LOG_ERROR, "%s: %s", path, text);
         code = EXIT_REFUSED;
     } else {

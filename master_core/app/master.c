@@ -295,7 +295,7 @@ static void opened(struct master *m, const struct runner_result *result) {
              m->locked ? "locked" : "not locked");
     set_state(m, RUNNING, FSN_LOG_INFO, text);
     if (m->policy != m->options->policy) {
-        log_line(FSN_LOG_WARNING, "no real-time scheduling: %s", explain_permission());
+        log_line(FSN_LOG_WARNING, "no real-time scheduling: %s", explain_permission(m->options));
     }
     if (m->options->free_run && m->policy == POLICY_FIFO) {
         warn_of_throttling();

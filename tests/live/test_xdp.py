@@ -5,6 +5,7 @@ import json
 import pytest
 from capture_file import read_capture
 from live.on_the_wire import ESTOP, ROBOT, on_the_wire
+from weekly import first
 
 from fsoe_net.live.master import find_master
 
@@ -21,7 +22,7 @@ def _by_xdp(tmp_path_factory, monkeypatch):
 
 
 @pytest.mark.usefixtures("_by_xdp")
-@pytest.mark.parametrize("network", [ESTOP, ROBOT])
+@pytest.mark.parametrize("network", first(1, [ESTOP, ROBOT]))
 def test_connections_come_up(network, tmp_path):
     seen = on_the_wire("comes_up", network, tmp=tmp_path, good=lambda s: s["code"] == 0)
     found = json.loads(seen["out"])
@@ -30,6 +31,7 @@ def test_connections_come_up(network, tmp_path):
 
 
 @pytest.mark.usefixtures("_by_xdp")
+@pytest.mark.weekly
 def test_a_ring_is_driven_from_both_ends(tmp_path):
     seen = on_the_wire("ring", ESTOP, tmp=tmp_path, cables=2)
     assert seen["middle cable"].startswith("between ek1914")
@@ -73,6 +75,7 @@ def test_a_capture_is_rebuilt(tmp_path):
         ("taken_by_another", 1, "another XDP program has the interface"),
         ("several_queues", 1, "near3 receives on 2 queues; ethtool -L near3 rx 1"),
         ("without_capabilities", 3, "AF_XDP also needs CAP_NET_ADMIN and CAP_BPF"),
+        ("without_capabilities", 3, "cap_ipc_lock,cap_net_admin,cap_bpf=ep /"),
     ],
 )
 def test_what_is_missing_is_named(case, code, words, tmp_path):

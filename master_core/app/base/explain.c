@@ -9,23 +9,24 @@
 #include "app/base/holder.h"
 #include "fsn/bus.h"
 
-const char *explain_permission(void) {
+const char *explain_permission(const struct options *options) {
     static char text[640];
     char program[400];
     const ssize_t len = readlink("/proc/self/exe", program, sizeof program);
     snprintf(
         text, sizeof text,
         "it takes CAP_NET_RAW (interface), CAP_SYS_NICE (real-time) and CAP_IPC_LOCK (memory): "
-        "setcap cap_net_raw,cap_sys_nice,cap_ipc_lock=ep %.*s, or run it as a service, see "
+        "setcap cap_net_raw,cap_sys_nice,cap_ipc_lock%s=ep %.*s, or run it as a service, see "
         "fsn-master.service",
-        len > 0 ? (int)len : 10, len > 0 ? program : "fsn-master");
+        options->xdp ? ",cap_net_admin,cap_bpf" : "", len > 0 ? (int)len : 10,
+        len > 0 ? program : "fsn-master");
     return text;
 }
 
-static const char *next_step(const struct fsn_fault *fault) {
+static const char *next_step(const struct fsn_fault *fault, const struct options *options) {
     if (fault->sys_errno == EPERM || fault->sys_errno == EACCES ||
         (fault->status == FSN_E_SYS && fault->sys_errno == ENOMEM)) { /* locked memory */
-        return explain_permission();
+        return explain_permission(options);
     }
     if (fault->sys_errno == ENODEV || fault->sys_errno == ENXIO) {
         return "ip link lists the interfaces";
@@ -53,15 +54,15 @@ static void put_record(const struct fsn_fault *fault, const struct fsn_plan *pla
              device ? ")" : "");
 }
 
-void explain_fault(const struct fsn_fault *fault, const struct fsn_plan *plan, char *room,
-                   size_t room_bytes) {
+void explain_fault(const struct fsn_fault *fault, const struct fsn_plan *plan,
+                   const struct options *options, char *room, size_t room_bytes) {
     char record[128];
     put_record(fault, plan, record, sizeof record);
     const char *rule = fault->rule != NULL ? fault->rule : fsn_status_text(fault->status);
     snprintf(room, room_bytes, "%s: %s%s%s%.160s%s%s; %s", fsn_status_name(fault->status), record,
              rule, fault->detail[0] != 0 ? ": " : "", fault->detail,
              fault->sys_errno != 0 ? ": " : "",
-             fault->sys_errno != 0 ? strerror(fault->sys_errno) : "", next_step(fault));
+             fault->sys_errno != 0 ? strerror(fault->sys_errno) : "", next_step(fault, options));
 }
 
 static void add_holder(const char *interface, char *room, size_t room_bytes) {
@@ -76,7 +77,7 @@ static void add_holder(const char *interface, char *room, size_t room_bytes) {
 
 void explain_bus_fault(const struct fsn_fault *fault, const struct fsn_plan *plan,
                        const struct options *options, char *room, size_t room_bytes) {
-    explain_fault(fault, plan, room, room_bytes);
+    explain_fault(fault, plan, options, room, room_bytes);
     if (fault->status != FSN_E_BUS_BUSY) {
         return;
     }

@@ -8,14 +8,14 @@
 #include "fsn/plan.h"
 
 /** Writes "FSN_E_…: record: rule: detail; remedy". `plan` may be NULL. */
-void explain_fault(const struct fsn_fault *fault, const struct fsn_plan *plan, char *room,
-                   size_t room_bytes);
+void explain_fault(const struct fsn_fault *fault, const struct fsn_plan *plan,
+                   const struct options *options, char *room, size_t room_bytes);
 
 /** The same for a bus that does not open; also names the processes that hold its interfaces. */
 void explain_bus_fault(const struct fsn_fault *fault, const struct fsn_plan *plan,
                        const struct options *options, char *room, size_t room_bytes);
 
 /** Remedy when the system does not permit an operation. Context: one thread. */
-const char *explain_permission(void);
+const char *explain_permission(const struct options *options);
 
 #endif
