@@ -11,9 +11,14 @@ from hypothesis import HealthCheck, settings
 from repeat import pytest_cmdline_main, pytest_runtest_makereport  # noqa: F401 - hooks
 from stuck import pytest_configure, pytest_timeout_set_timer  # noqa: F401 - hooks
 from uncounted import pytest_runtest_call  # noqa: F401 - a hook
+from weekly import examples
 
 settings.register_profile(
-    "fsn", deadline=None, print_blob=True, suppress_health_check=[HealthCheck.too_slow]
+    "fsn",
+    deadline=None,
+    max_examples=examples(100),
+    print_blob=True,
+    suppress_health_check=[HealthCheck.too_slow],
 )
 settings.load_profile("fsn")
 

@@ -6,10 +6,18 @@ run, a search through all states, a whole build for one more version of ROS.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
 from typing import Any
 
 import pytest
+
+_WEEKLY = bool(os.environ.get("FSN_WEEKLY"))
+
+
+def examples(count: int) -> int:
+    """Return how many examples Hypothesis draws: a third of those of the weekly run."""
+    return count if _WEEKLY else -(-count // 3)
 
 
 def first(count: int, values: Iterable[object]) -> list[Any]:

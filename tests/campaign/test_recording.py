@@ -9,6 +9,7 @@ import pytest
 from fsoe.recorded import CONFIG, own_run, recording_text
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from weekly import examples
 
 from fsoe_net.campaign.recording.difference import Compared, RecordingDifference, explain
 from fsoe_net.campaign.recording.model import Answer
@@ -232,7 +233,7 @@ def _answers_or_refuses(hold, recording):
         assert result.compared
 
 
-@settings(max_examples=300)
+@settings(max_examples=examples(300))
 @given(st.data())
 def test_changed_recording_is_replayed_or_rejected(data):
     """Values changed, keys and lines taken away or swapped: an answer or a RecordingError."""
@@ -253,7 +254,7 @@ def test_changed_recording_is_replayed_or_rejected(data):
     _answers_or_refuses(replay, map(json.dumps, rows))
 
 
-@settings(max_examples=200)
+@settings(max_examples=examples(200))
 @given(st.data())
 def test_damaged_recording_is_replayed_or_rejected(data):
     raw = bytearray(recording_text(ROWS).encode())

@@ -7,6 +7,7 @@ from core.plan_builder import Builder, Transfer
 from core.rig import Rig, load
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from weekly import examples
 
 from fsoe_net.core.core import Core, EmulatedBus
 from fsoe_net.core.snapshot import bucket_end
@@ -257,7 +258,7 @@ def networks(draw: st.DrawFn) -> Builder:
 
 
 @pytest.mark.shows("R1")
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(builder=networks(), data=st.data())
 def test_copies_equal_a_plain_model(builder: Builder, data: st.DataObject) -> None:
     plan = load(builder.build())

@@ -8,6 +8,7 @@ from core.both_monitors import TO_MAIN, TO_SUB, Both
 from fsoe.pair import Bench, make_main, make_sub
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from weekly import examples
 
 from fsoe_net.core.module import compiled
 from fsoe_net.core.monitor import Monitor
@@ -132,7 +133,7 @@ def test_a_collision_while_the_number_is_searched_for_and_known(size, rounds):
 
 @pytest.mark.shows("R18")
 @given(sizes, sizes, st.integers(0, 99), st.integers(0, 100))
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 def test_joins_at_any_time(out, inn, seed, skip):
     """From the fourth frame on everything is checked: two numbers in each direction."""
     rows = frames_of(out, inn, 60, seed)[skip % 50 :]
@@ -145,7 +146,7 @@ def test_joins_at_any_time(out, inn, seed, skip):
 
 @pytest.mark.shows("R18")
 @given(sizes, sizes, st.integers(0, 99), st.data())
-@settings(max_examples=200)
+@settings(max_examples=examples(200))
 @pytest.mark.uncounted
 def test_both_agree_on_anything(out, inn, seed, data):
     rows = frames_of(out, inn, 40, seed)

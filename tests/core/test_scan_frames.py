@@ -8,6 +8,7 @@ from capture_file import read_capture
 from data_files import listed, need
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from weekly import examples
 
 from fsoe_net.core.scan import Scanner
 from fsoe_net.fsoe.observed import ConnectionState, CrcVerdict
@@ -261,7 +262,7 @@ parts = st.one_of(
 
 
 @given(st.lists(st.tuples(st.lists(parts, max_size=4), st.integers(0, 200)), max_size=30))
-@settings(max_examples=300)
+@settings(max_examples=examples(300))
 @pytest.mark.uncounted
 def test_any_packets_are_counted_without_a_connection(rows):
     scanner = Scanner()

@@ -11,6 +11,7 @@ import pytest
 from described import bus, copy, described_devices, entry
 from hypothesis import given, settings
 from networks import example
+from weekly import examples
 
 from fsoe_net.errors import InputError
 from fsoe_net.formats.igh.read import load_igh_text
@@ -175,7 +176,7 @@ def test_a_header_is_read_back(wanted: Description, igh: bool):
         assert tables(one.device) == tables(other.device)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(described_devices(sdos=False))
 def test_any_device_is_read_back(sub: DescribedSubDevice):
     one = Description(format="t", path="", subdevices=(replace(sub, position=3),))

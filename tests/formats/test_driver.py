@@ -9,6 +9,7 @@ import pytest
 from described import bus, copy, described_devices, device, entry
 from hypothesis import given, settings
 from networks import EXAMPLES, example
+from weekly import examples
 
 from fsoe_net.errors import InputError
 from fsoe_net.formats.own.network import load_network
@@ -255,7 +256,7 @@ def test_an_sdo_value_the_driver_cannot_read_is_reported():
 
 
 @pytest.mark.shows("R22")
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(described_devices())
 def test_any_device_comes_back(sub: DescribedSubDevice):
     notes: list[str] = []

@@ -9,6 +9,7 @@ from data_files import listed, need
 from described import described_devices
 from formats.esi_text import device_text, esi_text, module_text
 from hypothesis import given, settings
+from weekly import examples
 
 from fsoe_net.formats.esi.read import EsiChoice, list_esi, load_esi
 from fsoe_net.formats.shared.files import Collector
@@ -429,7 +430,7 @@ def test_index_that_runs_over():
 # -- the whole ------------------------------------------------------------------------------------
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(described_devices())
 def test_written_values_are_read_back(made):
     text = esi_text(device_text(made), vendor=str(made.device.vendor_id))

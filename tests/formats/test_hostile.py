@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from weekly import examples
 
 from fsoe_net.diag.diagnostic import Severity
 from fsoe_net.formats.own.network import load_network
@@ -196,7 +197,7 @@ def test_memory_stays_bounded(tmp_path: Path):
 
 @pytest.mark.shows("R7")
 @given(st.binary(max_size=400))
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=examples(300), deadline=None)
 def test_random_bytes_never_raise(data: bytes):
     out = Collector()
     root = parse_yaml(data, "random.yaml", out)

@@ -8,6 +8,7 @@ import pytest
 from described import bus, copy, described_devices, entry
 from hypothesis import given, settings
 from networks import example
+from weekly import examples
 
 from fsoe_net.errors import InputError
 from fsoe_net.formats.lcec.read import load_lcec
@@ -131,7 +132,7 @@ def test_hal_pins_are_named_once():
     ]
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(described_devices())
 def test_any_device_comes_back(sub: DescribedSubDevice):
     one = Description(format="t", path="", subdevices=(replace(sub, position=7),))

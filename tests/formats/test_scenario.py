@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from weekly import examples
 
 from fsoe_net.diag.diagnostic import Severity
 from fsoe_net.formats.own.json_schema import read_schema
@@ -252,7 +253,7 @@ _TREES = st.recursive(
 )
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=examples(300), deadline=None)
 @given(tree=st.dictionaries(st.sampled_from(_KEYS), _TREES, max_size=6))
 def test_no_tree_of_known_keys_makes_it_raise(
     tmp_path_factory: pytest.TempPathFactory, tree: dict[str, object]
@@ -266,7 +267,7 @@ def test_no_tree_of_known_keys_makes_it_raise(
         assert all(e.from_ns <= e.to_ns for e in scenario.expectations)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=examples(200), deadline=None)
 @given(data=st.binary(max_size=200))
 def test_no_bytes_make_it_raise(tmp_path_factory: pytest.TempPathFactory, data: bytes):
     path = tmp_path_factory.getbasetemp() / "bytes.yaml"

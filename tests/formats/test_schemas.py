@@ -14,6 +14,7 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 from referencing import Registry, Resource
+from weekly import examples
 
 from fsoe_net.diag.diagnostic import Diagnostic, Severity
 from fsoe_net.formats.own.answers import load_answers
@@ -76,7 +77,7 @@ def test_schema_and_reader_accept_the_same_values(name: str, tmp_path: Path):
     checked = 0
 
     @settings(
-        max_examples=60,
+        max_examples=examples(60),
         derandomize=True,
         database=None,
         deadline=None,
@@ -97,7 +98,7 @@ def test_schema_and_reader_accept_the_same_values(name: str, tmp_path: Path):
         )
 
     load()
-    assert checked >= 50
+    assert checked >= examples(50)
     assert refused == []
 
 
@@ -205,7 +206,7 @@ def changed(document: object, draw: st.DataObject) -> object:
 def test_structure_is_checked_as_a_validator_does(name: str):
     official = validator(name)
 
-    @settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
+    @settings(max_examples=examples(60), deadline=None, suppress_health_check=list(HealthCheck))
     @given(documents(name), st.data())
     def compare(document: object, data: st.DataObject) -> None:
         for _ in range(3):

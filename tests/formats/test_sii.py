@@ -11,6 +11,7 @@ from described import described_devices
 from formats.sii_image import category, image, image_of, strings
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from weekly import examples
 
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.formats.shared.files import Collector
@@ -58,7 +59,7 @@ def pdo(index: int, sm: int, *bits: int, flags: int = 0) -> bytes:
     return head + b"".join(rows)
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=examples(80), deadline=None)
 @given(described_devices(sdos=False), st.integers(0, 0xFFFF), st.integers(0, 0xFFFFFFFF))
 @pytest.mark.uncounted
 def test_written_values_are_read_back(made, alias, serial):
@@ -214,7 +215,7 @@ def test_checksum_begins_with_ff_and_has_polynomial_07():
     assert sii_checksum(bytes([*range(13), sii_checksum(bytes(range(13)))])) == 0
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=examples(200), deadline=None)
 @given(st.binary(max_size=600), st.integers(0, 600))
 def test_any_bytes_are_read_or_refused(noise, at):
     data = bytearray(image(strings(b"A"), MANAGERS, category(50, pdo(0x1A00, 3, 8))))

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from weekly import examples
 
 from fsoe_net.diag.diagnostic import Diagnostic
 from fsoe_net.formats.own.options import LoadOptions
@@ -167,7 +168,7 @@ def test_wide_attributes_and_long_words(tmp_path: Path):
 
 
 FUZZ = settings(
-    max_examples=300,
+    max_examples=examples(300),
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )

@@ -8,7 +8,7 @@ import pytest
 from fsoe.pair import Bench, counted, make_main, make_sub, parts, right
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from weekly import first
+from weekly import examples, first
 
 from fsoe_net.errors import ConfigError
 from fsoe_net.fsoe.chain import reset_frame
@@ -292,7 +292,7 @@ def test_safe_data_of_another_size_is_refused():
 IMAGE = st.one_of(st.none(), st.binary(max_size=20), st.binary(min_size=7, max_size=7))
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=examples(200), deadline=None)
 @given(st.integers(0, 30), st.sampled_from([1, 2, 6]), st.data())
 @pytest.mark.uncounted
 def test_no_bytes_ever_raise(cycles, size, data):

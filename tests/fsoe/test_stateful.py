@@ -20,6 +20,7 @@ from fsoe.pair import (
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
+from weekly import examples
 
 from fsoe_net.fsoe.chain import reset_frame
 from fsoe_net.fsoe.event import State
@@ -456,7 +457,7 @@ class PairMachine(RuleBasedStateMachine):
                 assert not any(end.received_safe_data)
 
 
-FEW = settings(max_examples=60, stateful_step_count=40)
+FEW = settings(max_examples=examples(60), stateful_step_count=40)
 TestMain = MainMachine.TestCase
 TestMain.settings = FEW
 TestSub = SubMachine.TestCase

@@ -111,6 +111,7 @@ def no_priority():
     return done.stderr
 
 
+@pytest.mark.weekly
 def test_a_few_kills(tmp_path):
     """`scripts/rig/standby-kills`, short: no connection leaves Data, one sends at a time."""
     if why := why_not() or no_priority():

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from master.rig import Client, running
+from weekly import examples
 
 WORDS = [
     *("hello", "status", "get", "set", "lease", "arm", "events", "symbols", "help", "#1", "#"),
@@ -52,13 +53,13 @@ def ask_and_synchronise(client: Client, line: bytes) -> None:
 
 
 @pytest.mark.shows("R26")
-@settings(max_examples=500, deadline=None)
+@settings(max_examples=examples(500), deadline=None)
 @given(st.binary(max_size=300).filter(lambda b: b"\n" not in b))
 def test_any_bytes_get_one_answer(client: Client, line: bytes) -> None:
     ask_and_synchronise(client, line)
 
 
-@settings(max_examples=500, deadline=None)
+@settings(max_examples=examples(500), deadline=None)
 @given(st.lists(st.sampled_from(WORDS), max_size=12))
 def test_any_words_get_one_answer(client: Client, words: list[str]) -> None:
     ask_and_synchronise(client, " ".join(words).encode())

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from networks import example, resolved
+from weekly import examples
 
 from fsoe_net.diag.diagnostic import Severity
 from fsoe_net.formats.own.write import write_network
@@ -176,7 +177,7 @@ def networks(draw: st.DrawFn) -> tuple[NetworkConfig, NetworkConfig]:
     return bus(devices, transfers=tuple(transfers)), bus(devices, *stated)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(networks())
 def test_any_network_can_be_written_short(both: tuple[NetworkConfig, NetworkConfig]):
     long, short = both

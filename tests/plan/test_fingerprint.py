@@ -13,6 +13,7 @@ from core.rig import load
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from networks import PLAIN, example, resolved, write_big_network
+from weekly import examples
 
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.errors import PlanFormatError
@@ -480,7 +481,7 @@ def plans(draw: st.DrawFn) -> Plan:
 
 
 @pytest.mark.shows("R4", "R5")
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(plans())
 @pytest.mark.uncounted
 def test_python_and_the_core_agree_on_drawn_plans(plan: Plan) -> None:

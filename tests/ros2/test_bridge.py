@@ -27,6 +27,7 @@ from patience import PATIENCE_S
 from ros2.caller import Caller
 from ros2.found import Found
 from ros2.rig import ROOT, Peer, bridged, needed, own_domain, typestore
+from weekly import examples
 
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.ros2 import control, messages, node, objects
@@ -221,7 +222,7 @@ def test_two_threads_may_read_endpoints(robot: Master) -> None:
     with bridged(robot.path, allow_control=True) as domain, listening(domain) as found:
         request = "std_srvs::srv::dds_::Trigger_Request_"
         with Peer("send", domain, "rq/cell/restartRequest", request):
-            for _ in range(300):
+            for _ in range(examples(300)):
                 found.offers()
             while "rt/diagnostics" not in found.offers():  # the bridge still runs
                 pass

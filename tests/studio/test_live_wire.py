@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
 from live.on_the_wire import ESTOP, on_the_wire
 from studio.browser import available
 
 
+@pytest.mark.weekly
 def test_a_cut_cable_is_seen_and_its_end_too(tmp_path: Path) -> None:
     available()
     seen = on_the_wire("cable", ESTOP, tmp=tmp_path, script="live/studio_rig.py")
