@@ -8,10 +8,9 @@ from pathlib import Path
 
 import pytest
 from cli import tool
-from live.on_the_wire import REQUIRED, why_not
+from live.on_the_wire import on_the_wire
 from live.support import needs_core
 from networks import EXAMPLES, PLAIN, resolved
-from wires import attempts, run_program
 
 from fsoe_net.errors import PlanFormatError
 from fsoe_net.plan.codec import decode_plan, encode_plan
@@ -19,7 +18,6 @@ from fsoe_net.plan.compile import compile_plan
 from fsoe_net.rules.check import check
 
 NETWORK = EXAMPLES / "two-buses" / "network.yaml"
-ATTEMPTS = 4  # a busy machine may stop a MainDevice for longer than a watchdog
 INSIDE = ("el6910-el1904", "el6910-el2904")
 ACROSS = ("el6910-drive_1", "el6910-drive_2")
 
@@ -243,16 +241,7 @@ def test_all_connections_come_up_in_virtual_time():
 
 
 def try_rig(case, path, tmp_path, good=lambda _: True):
-    why = why_not()
-    if why:
-        (pytest.fail if REQUIRED else pytest.skip)(why)
-    seen = "nothing"
-    for _ in attempts(tmp_path, ATTEMPTS):
-        done = run_program("live/several_rig.py", case, path, cables=2, cwd=tmp_path)
-        seen = done.stdout + done.stderr
-        if done.returncode == 0 and good(json.loads(done.stdout)):
-            return json.loads(done.stdout)
-    pytest.fail(f"{ATTEMPTS} times: {seen}")
+    return on_the_wire(case, path, tmp=tmp_path, good=good, script="live/several_rig.py", cables=2)
 
 
 @pytest.fixture(name="slow")
