@@ -208,7 +208,9 @@ def axis(network, program, scenario):
         system.goes("cycle 20")
         seen["enabled"] = target()
         system.goes(f"start {position}", f"set {position} 20000")
-        system.sends(lambda: abs(actual() - 20000) <= 2)
+        for _ in range(2):  # it may go a little beyond, and returns
+            system.sends(lambda: abs(actual() - 20000) <= 2)
+            system.goes("cycle 100")
         seen["moved"] = actual()
         system.goes(f"set {position} 40000")  # a third of a revolution takes a while
         system.sends(lambda: target() == 40000)
