@@ -76,16 +76,8 @@ class LiveObjects:
 
 def _facts(port: Port) -> object:
     """Return all that changes in the rows of a port."""
-    instance = port.instance
-    return (
-        instance.config.address,
-        instance.state,
-        instance.connection_id,
-        instance.data_valid,
-        port.setup.main.connection_id,
-        port.setup.main.watchdog_ms,
-        len(port.setup.main.app_parameters),
-    )
+    own = port.instance
+    return own.config.address, own.state, own.connection_id, own.data_valid
 
 
 def _rows(device: EmulatedDevice) -> Iterator[_Row]:

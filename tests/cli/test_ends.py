@@ -124,15 +124,17 @@ def test_emulate_runs_as_long_as_its_scenario(
     scenario.write_text("version: 1\nduration_s: 7\nsteps: []\n", "utf-8")
     asked: list[int | None] = []
 
-    def serve(_session: Any, _link: Any, duration_ns: int | None, **_: Any) -> Any:
-        asked.append(duration_ns)
+    def serve(
+        _session: Any, _link: Any, duration_ns: int | None, *, period_ns: int, **_: Any
+    ) -> Any:
+        asked.extend((duration_ns, period_ns))
         return served(passed=True)
 
     monkeypatch.setattr(emulate, "serve", serve)
-    more = () if given is None else ("--duration", given)
+    more = () if given is None else ("--duration", given, "--device-period", "3ms")
     done = call(emulate.command, NETWORK, "--interface", "x", "--scenario", scenario, *more)
     assert done.exit_code == 0, done.output
-    assert asked == [7_000_000_000 if given is None else 2_000_000_000]
+    assert asked == ([7_000_000_000, 1_000_000] if given is None else [2_000_000_000, 3_000_000])
 
 
 # -- campaign --------------------------------------------------------------------------------------

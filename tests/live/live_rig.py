@@ -38,7 +38,7 @@ def wait_for(what, found):
     return value
 
 
-# Half the processor time of the default; a real device needs as long or longer.
+# Half the processor time of the default.
 PERIOD = ("--device-period", "2ms")
 
 

@@ -193,6 +193,12 @@ def test_devices_tell_what_they_are():
     instance.state = State.DATA
     session._objects.update()
     assert main.read(0xA080, 1) == 105  # nothing valid has come in
+    instance._valid = True
+    session._objects.update()
+    assert main.read(0xA080, 1) == 104
+    session.network.subs["el1918-ek1914"].instance.connection_id = 0x1234
+    session._objects.update()
+    assert sub.read(0x9001, 3) == 0x1234
 
 
 def test_another_address_is_reported():
