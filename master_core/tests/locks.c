@@ -1,4 +1,5 @@
-/** Locks of a program under test are checked: unlocking a lock of another thread ends the test. */
+/** Locks and threads of a program under test are checked: unlocking a lock of another thread ends
+ * the test, and so does a thread of a test that CMakeLists.txt does not list with THREADS. */
 #define _GNU_SOURCE
 
 #include <dlfcn.h>
@@ -33,5 +34,16 @@ int pthread_mutex_unlock(pthread_mutex_t *mutex) {
     int (*libc)(pthread_mutex_t *);
     real(&libc, "pthread_mutex_unlock");
     CHECK(libc(mutex) == 0);
+    return 0;
+}
+
+int __wrap_pthread_create(pthread_t *thread, const pthread_attr_t *attributes, void *(*run)(void *),
+                          void *argument);
+
+/** The linker puts it in the place of pthread_create() in a test without THREADS. */
+int __wrap_pthread_create(pthread_t *thread, const pthread_attr_t *attributes, void *(*run)(void *),
+                          void *argument) {
+    (void)thread, (void)attributes, (void)run, (void)argument;
+    CHECK(!"a thread: list this test with THREADS, so that TSan runs it");
     return 0;
 }
