@@ -26,7 +26,6 @@ class Instance(abc.ABC):
             it (§9).
         state: State of the connection.
         connection_id: ConnID in use, 0 if there is none.
-        last_event: Newest event, also after `take_events`.
     """
 
     def __init__(self, *, sends: int, receives: int, session_ids: Callable[[], int]) -> None:
@@ -45,7 +44,6 @@ class Instance(abc.ABC):
         self.enable = False
         self.state = State.RESET
         self.connection_id = 0
-        self.last_event: Event | None = None
         self._events: deque[Event] = deque(maxlen=_MAX_EVENTS)
         self._chain = Chain()
         self._tx_safe = bytes(self._sends)
@@ -142,11 +140,9 @@ class Instance(abc.ABC):
         before, self.state = self.state, state
         if before is state and kind is EventKind.STATE:
             return
-        event = Event(
-            now_ns=self._now_ns, kind=kind, code=code, state_before=before, state_after=state
+        self._events.append(
+            Event(now_ns=self._now_ns, kind=kind, code=code, state_before=before, state_after=state)
         )
-        self.last_event = event
-        self._events.append(event)
 
     def _clear_safe_data(self) -> None:
         """§9: the application receives zeros and must enable again."""

@@ -85,7 +85,6 @@ class WireSide:
     torn: int = 0
     torn_cycle: int = 0
     not_zero: bool = False
-    wrong_in_data: int = 0
     last_ns: int = -1
     commands: Counter[int] = field(default_factory=Counter)
     connection_ids: Counter[int] = field(default_factory=Counter)
@@ -230,8 +229,6 @@ class LinkWatch:
         # Counted even if wrong: the content of a wrong frame shows its origin.
         self._count(side, pdu.command, pdu.connection_id, verdict, legal=legal)
         side.not_zero |= any(data)
-        if verdict is CrcVerdict.WRONG and before.in_data:
-            side.wrong_in_data += 1
         # Only answers in Data count: the times of the start-up differ.
         answers = pdu.command in _DATA_COMMANDS and other.last_ns > side.last_ns >= 0
         if before.in_data and answers:

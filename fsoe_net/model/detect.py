@@ -19,13 +19,12 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from fsoe_net.model.bus import Direction, Entry, Pdo, SyncManager
+from fsoe_net.model.bus import Entry, Pdo, SyncManager
 from fsoe_net.model.layout import (
     FsoeBlock,
     Placed,
     find_blocks,
     frames_at,
-    place_entries,
 )
 
 SURE = 80
@@ -67,12 +66,6 @@ class FsoeNearMiss:
 
     pdo: Pdo
     why: str
-
-
-def guess_pdo(pdo: Pdo, direction: Direction) -> tuple[FsoeGuess, ...]:
-    """Score a single PDO, such as one that a device offers but that is not assigned."""
-    manager = SyncManager(index=2 if direction is Direction.OUTPUT else 3, direction=direction)
-    return detect_fsoe(place_entries((pdo,)), manager)
 
 
 def detect_fsoe(placed: tuple[Placed, ...], sm: SyncManager) -> tuple[FsoeGuess, ...]:

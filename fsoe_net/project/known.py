@@ -10,8 +10,8 @@ from fsoe_net.diag.pause import without_collector
 from fsoe_net.errors import InputError
 from fsoe_net.formats.own.acceptance import is_acceptance, load_acceptance
 from fsoe_net.formats.own.options import LoadOptions
-from fsoe_net.formats.shared.files import STDIN, Collector, read_bytes, read_source
-from fsoe_net.formats.shared.limits import MAX_PLAN_BYTES, MAX_RECORD_BYTES
+from fsoe_net.formats.shared.files import STDIN, Collector, read_bytes
+from fsoe_net.formats.shared.limits import MAX_PLAN_BYTES
 from fsoe_net.model.acceptance import Acceptance
 from fsoe_net.model.network import SourceFile
 from fsoe_net.model.safety import SafetyFunction
@@ -118,15 +118,6 @@ def read_record(path: str) -> AcceptedRecord:
         raise InputError(f"{path} is not an acceptance record that can be used", out.diagnostics)
     plan, fingerprint = held
     return AcceptedRecord(source=out.sources[0], record=record, plan=plan, fingerprint=fingerprint)
-
-
-def is_record(path: str) -> bool:
-    """Whether a file appears to be an acceptance record.
-
-    Raises:
-        InputError: The file cannot be read.
-    """
-    return is_acceptance(read_source(path, most=MAX_RECORD_BYTES)[1])
 
 
 def known_record(path: str, found: AcceptedRecord) -> Known:

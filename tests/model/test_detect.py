@@ -9,12 +9,17 @@ import pytest
 from changed import compare, figures
 from model.fsoe_table import pdo, rows
 
-from fsoe_net.model.bus import Direction, SyncManager
-from fsoe_net.model.detect import detect_fsoe, guess_pdo, near_misses
+from fsoe_net.model.bus import Direction, Pdo, SyncManager
+from fsoe_net.model.detect import FsoeGuess, detect_fsoe, near_misses
 from fsoe_net.model.layout import place_entries
 
 SM3 = SyncManager(index=3, direction=Direction.INPUT)
 TABLE = rows()
+
+
+def guess_pdo(one: Pdo, direction: Direction) -> tuple[FsoeGuess, ...]:
+    manager = SyncManager(index=2 if direction is Direction.OUTPUT else 3, direction=direction)
+    return detect_fsoe(place_entries((one,)), manager)
 
 
 def guesses(text: str, name: str = ""):
