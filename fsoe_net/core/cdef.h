@@ -83,6 +83,7 @@ fsn_status fsn_emulated_write_inputs(struct fsn_emulated *bus, uint32_t sm, cons
 fsn_status fsn_emulated_set_present(struct fsn_emulated *bus, uint32_t subdevice, bool present);
 
 struct fsn_core;
+@struct fsn_frame_counts
 @struct fsn_histogram
 @struct fsn_statistics
 uint64_t fsn_histogram_floor(uint32_t bucket);

@@ -322,9 +322,7 @@ class Core:
             now_ns=s.now_ns,
             expected_wkc=s.expected_wkc,
             actual_wkc=s.actual_wkc,
-            lost_frames=s.lost_frames,
-            old_replies=s.old_replies,
-            foreign_frames=s.foreign_frames,
+            **_frame_counts(s),
             image=bytes(ffi.buffer(image, self._image_bytes)),
         )
 
@@ -420,7 +418,15 @@ def _statistics(ffi: Any, lib: Any, s: Any) -> Statistics:
         "bool": bool,
         "Histogram": lambda h: _histogram(ffi, lib, h),
     }
-    return Statistics(**{f.name: read[str(f.type)](getattr(s, f.name)) for f in fields(Statistics)})
+    values = _frame_counts(s)
+    for f in fields(Statistics):
+        if f.name not in values:
+            values[f.name] = read[str(f.type)](getattr(s, f.name))
+    return Statistics(**values)
+
+
+def _frame_counts(s: Any) -> dict[str, Any]:
+    return {name: getattr(s.counts, name) for name in dir(s.counts)}
 
 
 def _histogram(ffi: Any, lib: Any, h: Any) -> Histogram:

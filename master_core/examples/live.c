@@ -43,7 +43,7 @@ static void print(struct fsn_core *core, const struct fsn_plan *plan) {
     struct fsn_statistics s;
     if (fsn_core_snapshot(core, &s, NULL, NULL) == FSN_OK) {
         printf("%llu cycles, %llu frames lost, %llu with a wrong working counter\n",
-               (unsigned long long)s.cycles, (unsigned long long)s.lost_frames,
+               (unsigned long long)s.cycles, (unsigned long long)s.counts.lost_frames,
                (unsigned long long)s.wkc_errors);
     }
 }

@@ -116,7 +116,7 @@ static void receive(struct rig *rig) {
     fsn_wire_receive(&rig->frames.wire, &input);
     const struct fsn_wire_frame *frame = &f->wire.frames[0];
     CHECK(named(rig) || !frame->back[0]); /* no reply but one to the frame of this cycle */
-    CHECK(input.lost_frames == (f->wire.cycle != 0 && !frame->back[0]));
+    CHECK(input.counts.lost_frames == (f->wire.cycle != 0 && !frame->back[0]));
     for (uint32_t i = 0; i < frame->input_count; i++) {
         const struct fsn_wire_input *in = &f->wire.inputs[i];
         const bool kept =

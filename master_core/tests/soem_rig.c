@@ -148,7 +148,7 @@ struct fsn_statistics statistics(struct rig *rig) {
 
 uint64_t lateness(struct rig *rig) {
     const struct fsn_statistics s = statistics(rig);
-    return s.overruns + s.old_replies;
+    return s.overruns + s.counts.old_replies;
 }
 
 void poll_until(struct rig *rig, uint32_t n, uint8_t al_state) {

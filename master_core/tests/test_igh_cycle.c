@@ -32,16 +32,16 @@ static void losses_keep_old_bytes(void) {
     CHECK(fake.device[0].outputs[0] == 0xB0 && fake.device[0].outputs[5] == 0xB0);
     CHECK(snapshot(rig).actual_wkc == 2);
     CHECK(fsn_core_stale_cycles(rig->core, 3) >= stale + 2);
-    CHECK(snapshot(rig).lost_frames == 0);
+    CHECK(snapshot(rig).counts.lost_frames == 0);
     fake.device[1].mute = false;
     run(rig, 3, FSN_AL_OP);
     CHECK(fake.device[0].outputs[0] == 0xEE && fake.device[1].outputs[0] == 0xA1);
-    const uint64_t lost = snapshot(rig).lost_frames;
+    const uint64_t lost = snapshot(rig).counts.lost_frames;
     fake.lose_frames = true;
     memset(fake.device[1].inputs, 0x11, 8);
     run(rig, 2, FSN_AL_OP);
     fake.lose_frames = false;
-    CHECK(snapshot(rig).lost_frames == lost + 2);
+    CHECK(snapshot(rig).counts.lost_frames == lost + 2);
     CHECK(fake.device[0].outputs[0] == 0xEE);
     tear_down(rig);
 }

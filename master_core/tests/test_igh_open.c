@@ -326,11 +326,11 @@ static void replies_are_waited_for(void) {
         CHECK(fsn_core_create(rig->plan, fsn_backend_igh()->ops, rig->bus, &rig->core, NULL) ==
               FSN_OK);
         CHECK(run(rig, 50, FSN_AL_OP));
-        const uint64_t lost = snapshot(rig).lost_frames;
+        const uint64_t lost = snapshot(rig).counts.lost_frames;
         fake.lose_frames = true;
         run(rig, 1, FSN_AL_OP);
         fake.lose_frames = false;
-        CHECK(snapshot(rig).lost_frames == lost + 1);
+        CHECK(snapshot(rig).counts.lost_frames == lost + 1);
         tear_down(rig);
     }
 }

@@ -98,10 +98,17 @@ static struct fsn_direction direction_from(uint8_t first) {
 static void all_differs(void) {
     struct fsn_rt *rt = &on.core->rt;
     struct fsn_statistics *s = &rt->statistics;
-    uint64_t *const numbers[] = {&s->cycles,        &s->overruns,     &s->wkc_errors,
-                                 &s->lost_frames,   &s->old_replies,  &s->foreign_frames,
-                                 &s->unsent_frames, &s->bytes_copied, &s->now_ns,
-                                 &s->dc_time_ns,    &s->events_lost};
+    uint64_t *const numbers[] = {&s->cycles,
+                                 &s->overruns,
+                                 &s->wkc_errors,
+                                 &s->counts.lost_frames,
+                                 &s->counts.old_replies,
+                                 &s->counts.foreign_frames,
+                                 &s->counts.unsent_frames,
+                                 &s->bytes_copied,
+                                 &s->now_ns,
+                                 &s->dc_time_ns,
+                                 &s->events_lost};
     for (uint64_t i = 0; i < sizeof numbers / sizeof numbers[0]; i++) {
         *numbers[i] = 101 + i;
     }
@@ -234,10 +241,10 @@ static void change(const char *word) {
     } else if (strcmp(word, "trouble") == 0) {
         on.stateless = true;
         on.wkc.actual = 6;
-        on.input = (struct fsn_bus_input){.lost_frames = 1,
-                                          .old_replies = 2,
-                                          .foreign_frames = 3,
-                                          .unsent_frames = 4,
+        on.input = (struct fsn_bus_input){.counts.lost_frames = 1,
+                                          .counts.old_replies = 2,
+                                          .counts.foreign_frames = 3,
+                                          .counts.unsent_frames = 4,
                                           .send_errno = 105,
                                           .dc_time_ns = 12345};
         on.seen[1].al_status = FSN_AL_SAFEOP | FSN_AL_ERROR;

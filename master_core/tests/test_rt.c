@@ -87,8 +87,9 @@ static void receive(void *bus, struct fsn_bus_input *input) {
     /* Nothing is left of the cycle before. */
     CHECK(memcmp(input->wkc, no_wkc, sizeof no_wkc) == 0);
     CHECK(memcmp(input->sm_stale, no_stale, sizeof no_stale) == 0);
-    CHECK(input->lost_frames == 0 && input->old_replies == 0 && input->foreign_frames == 0);
-    CHECK(input->unsent_frames == 0 && input->send_errno == 0);
+    CHECK(input->counts.lost_frames == 0 && input->counts.old_replies == 0 &&
+          input->counts.foreign_frames == 0);
+    CHECK(input->counts.unsent_frames == 0 && input->send_errno == 0);
     CHECK(input->round_trip_ns == 0 && input->dc_time_ns == 0);
     struct fsn_wkc *wkc = input->wkc;
     uint8_t *stale = input->sm_stale;
@@ -333,16 +334,16 @@ static void the_first_wake_up_is_placed_before_sync0(void) {
 
 static void counts_what_comes_in(void) {
     set_up(4);
-    on.script[0] = (struct fsn_bus_input){.lost_frames = 1,
-                                          .old_replies = 2,
-                                          .foreign_frames = 3,
-                                          .unsent_frames = 4,
+    on.script[0] = (struct fsn_bus_input){.counts.lost_frames = 1,
+                                          .counts.old_replies = 2,
+                                          .counts.foreign_frames = 3,
+                                          .counts.unsent_frames = 4,
                                           .send_errno = EIO,
                                           .round_trip_ns = 55};
-    on.script[2] = (struct fsn_bus_input){.lost_frames = 10,
-                                          .old_replies = 20,
-                                          .foreign_frames = 30,
-                                          .unsent_frames = 40,
+    on.script[2] = (struct fsn_bus_input){.counts.lost_frames = 10,
+                                          .counts.old_replies = 20,
+                                          .counts.foreign_frames = 30,
+                                          .counts.unsent_frames = 40,
                                           .round_trip_ns = 45};
     static const struct fsn_wkc wkc[4][DATAGRAMS] = {
         {{3, 3}, {4, 4}}, {{3, 2}, {4, 3}}, {{3, 4}, {4, 3}}, {{3, 3}, {4, 1}}};
@@ -354,8 +355,9 @@ static void counts_what_comes_in(void) {
     const struct fsn_statistics *s = &on.rt.statistics;
     /* Two datagrams with opposite errors of the same size are also one bad cycle. */
     CHECK(s->wkc_errors == 3 && s->expected_wkc == 7 && s->actual_wkc == 4);
-    CHECK(s->lost_frames == 11 && s->old_replies == 22 && s->foreign_frames == 33);
-    CHECK(s->unsent_frames == 44 && s->send_errno == 0); /* of the last cycle */
+    CHECK(s->counts.lost_frames == 11 && s->counts.old_replies == 22 &&
+          s->counts.foreign_frames == 33);
+    CHECK(s->counts.unsent_frames == 44 && s->send_errno == 0); /* of the last cycle */
     CHECK(counted(&s->round_trip, 2, 45, 55, 100));
     CHECK(on.stale[0] == 2 && on.stale[1] == 0 && on.stale[2] == 1);
     CHECK(s->bytes_copied == 48 && s->cycles == 4);
@@ -415,9 +417,9 @@ static void a_record_holds_the_cycle(void) {
     const uint64_t long_ns = (UINT64_C(1) << 33) + 5;
     wall.late_ns[1] = long_ns;
     on.rt.cycle_ns = 1; /* left out cycles do not fit either */
-    on.script[1] = (struct fsn_bus_input){.lost_frames = 1,
-                                          .old_replies = 2,
-                                          .foreign_frames = 3,
+    on.script[1] = (struct fsn_bus_input){.counts.lost_frames = 1,
+                                          .counts.old_replies = 2,
+                                          .counts.foreign_frames = 3,
                                           .round_trip_ns = long_ns,
                                           .dc_time_ns = 99};
     const struct fsn_wkc wkc[DATAGRAMS] = {{3, 2}, {4, 4}};
@@ -435,7 +437,8 @@ static void a_record_holds_the_cycle(void) {
     CHECK(fsn_words_take(words, image, sizeof image) == slot + RECORD_WORDS);
     CHECK(record.cycle == 2 && record.dc_time_ns == 99 && record.late_ns == UINT32_MAX);
     CHECK(record.work_ns == 3 && record.round_trip_ns == UINT32_MAX);
-    CHECK(record.lost_frames == 1 && record.old_replies == 2 && record.foreign_frames == 3);
+    CHECK(record.counts.lost_frames == 1 && record.counts.old_replies == 2 &&
+          record.counts.foreign_frames == 3);
     CHECK(record.expected_wkc == 7 && record.actual_wkc == 6 && record.overruns == UINT32_MAX);
     CHECK(memcmp(kept, wkc, sizeof wkc) == 0 && memcmp(image, on.image, IMAGE) == 0);
     slot += RECORD_WORDS;

@@ -532,8 +532,8 @@ static fsn_status scripted_open(void *bus, const struct fsn_plan *plan,
 
 static void scripted_receive(void *bus, struct fsn_bus_input *input) {
     fsn_emulated_ops()->receive(((struct scripted *)bus)->bus, input);
-    input->lost_frames = 1 + ((struct scripted *)bus)->number;
-    input->unsent_frames = 1;
+    input->counts.lost_frames = 1 + ((struct scripted *)bus)->number;
+    input->counts.unsent_frames = 1;
     input->send_errno = 5;
 }
 
@@ -705,8 +705,9 @@ static void each_bus_answers_for_its_own(void) {
     struct fsn_statistics all, first, second;
     CHECK(fsn_core_snapshot(core, &all, NULL, NULL) == FSN_OK);
     CHECK(fsn_core_bus(core, 0, &first) == FSN_OK && fsn_core_bus(core, 1, &second) == FSN_OK);
-    CHECK(first.lost_frames == 2 && second.lost_frames == 4 && all.lost_frames == 6);
-    CHECK(all.unsent_frames == 4 && all.send_errno == 5);
+    CHECK(first.counts.lost_frames == 2 && second.counts.lost_frames == 4 &&
+          all.counts.lost_frames == 6);
+    CHECK(all.counts.unsent_frames == 4 && all.send_errno == 5);
     close_scripted(&said);
 }
 

@@ -76,15 +76,15 @@ static void power_cycles_and_lost_frames(void) {
         }
     }
     const struct fsn_statistics s = statistics(rig);
-    CHECK(s.lost_frames > 0 && s.wkc_errors >= s.lost_frames);
+    CHECK(s.counts.lost_frames > 0 && s.wkc_errors >= s.counts.lost_frames);
     tear_down(rig);
 }
 
 /** Holds answers back for a while; again when this machine sent too few frames meanwhile. */
 static void stall(struct rig *rig, uint64_t ms) {
-    const uint64_t old = statistics(rig).old_replies;
+    const uint64_t old = statistics(rig).counts.old_replies;
     uint64_t again_ns = 0;
-    while (statistics(rig).old_replies - old < ms / 4) {
+    while (statistics(rig).counts.old_replies - old < ms / 4) {
         if (now_ns() >= again_ns) {
             fsn_segment_stall(rig->segment, ms * 1000000);
             again_ns = now_ns() + 10 * ms * 1000000;
@@ -101,7 +101,8 @@ static void settle(struct rig *rig) {
         const struct fsn_statistics before = statistics(rig);
         pause_ms(50);
         const struct fsn_statistics after = statistics(rig);
-        if (2 * (after.old_replies - before.old_replies) < after.cycles - before.cycles) {
+        if (2 * (after.counts.old_replies - before.counts.old_replies) <
+            after.cycles - before.cycles) {
             return;
         }
     }
@@ -131,9 +132,9 @@ static void stalls_and_repetitions(void) {
     for (uint32_t n = 0; n < SUBDEVICES; n++) {
         poll_until(rig, n, FSN_AL_OP);
     }
-    const uint64_t old = statistics(rig).old_replies;
+    const uint64_t old = statistics(rig).counts.old_replies;
     fsn_segment_repeat(rig->segment, 100);
-    while (statistics(rig).old_replies < old + 50) {
+    while (statistics(rig).counts.old_replies < old + 50) {
         pause_ms(1);
     }
     CHECK(flows(rig, 1) && flows(rig, 2) && flows(rig, 3));
@@ -405,9 +406,9 @@ static void send_foreign(int frames) {
 static void foreign_frames_are_counted(void) {
     enum { FRAMES = 100 };
     struct rig *rig = bring_up();
-    CHECK(flows(rig, 1) && statistics(rig).foreign_frames == 0);
+    CHECK(flows(rig, 1) && statistics(rig).counts.foreign_frames == 0);
     send_foreign(FRAMES);
-    for (int i = 0; statistics(rig).foreign_frames < FRAMES; i++) {
+    for (int i = 0; statistics(rig).counts.foreign_frames < FRAMES; i++) {
         CHECK(i < PATIENCE_MS / 2);
         fsn_core_poll(rig->core, FSN_AL_OP, now_ns());
         pause_ms(2);
@@ -415,7 +416,7 @@ static void foreign_frames_are_counted(void) {
     for (uint32_t k = 1; k < SUBDEVICES; k++) {
         CHECK(flows(rig, k));
     }
-    CHECK(statistics(rig).foreign_frames == FRAMES);
+    CHECK(statistics(rig).counts.foreign_frames == FRAMES);
     tear_down(rig);
 }
 

@@ -96,7 +96,8 @@ static void tools_are_exchanged(int times) {
         CHECK(flows(rig, 1) && flows(rig, 2));
     }
     const struct fsn_statistics s = statistics(rig);
-    const uint64_t late = s.lost_frames + s.overruns - before.lost_frames - before.overruns;
+    const uint64_t late =
+        s.counts.lost_frames + s.overruns - before.counts.lost_frames - before.overruns;
     CHECK(s.wkc_errors - before.wkc_errors <= late);
     CHECK(look(rig, 0).returns == 0 || late > 0);
     qsort(took_ns, (size_t)times, sizeof *took_ns, compare);

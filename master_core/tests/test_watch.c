@@ -328,22 +328,22 @@ static void the_start_is_no_loss(void) {
 static void single_losses_are_told_together(void) {
     begin();
     on.wkc.actual = 3;
-    on.input.lost_frames = 1;
+    on.input.counts.lost_frames = 1;
     look_after(MS);
     TOLD("w working counter 3 of 6; since the last line 1 incomplete cycle, 1 frame not back in "
          "time\n");
-    on.input.old_replies = 1;
+    on.input.counts.old_replies = 1;
     look_after(MS); /* still incomplete, and the last line is young */
     TOLD("");
     on.wkc.actual = 6;
-    on.input = (struct fsn_bus_input){.unsent_frames = 2, .send_errno = 105};
+    on.input = (struct fsn_bus_input){.counts.unsent_frames = 2, .send_errno = 105};
     look_after(MS); /* it has turned: at once, but as a detail */
     JSON("{\"event\":\"wkc\",\"utc\":\"2023-11-14T21:58:20.004000Z\",\"now_ns\":100004000000,"
          "\"complete\":true,\"expected\":6,\"actual\":6,\"wkc_errors\":2,\"lost_frames\":2,"
          "\"level\":\"detail\",\"text\":\"working counter 6 of 6; since the last line 1 incomplete "
          "cycle, 1 frame not back in time, 1 reply late: the cycle is short for this bus, 2 frames "
          "not sent: No buffer space available\"}\n");
-    on.input = (struct fsn_bus_input){.old_replies = 1, .send_errno = 105};
+    on.input = (struct fsn_bus_input){.counts.old_replies = 1, .send_errno = 105};
     look_after(997 * MS);
     TOLD(""); /* one line per second */
     on.input = (struct fsn_bus_input){.send_errno = 105};
@@ -353,7 +353,7 @@ static void single_losses_are_told_together(void) {
          "space available\n");
     look_after(5000 * MS);
     TOLD(""); /* nothing more was lost */
-    on.input.lost_frames = 2;
+    on.input.counts.lost_frames = 2;
     look_after(MS);
     TOLD("w working counter 6 of 6; since the last line 0 incomplete cycles, 2 frames not back in "
          "time\n");
@@ -364,7 +364,7 @@ static void single_losses_are_told_together(void) {
 static void a_lost_bus_is_told_once(void) {
     begin();
     on.wkc.actual = 0;
-    on.input.lost_frames = 1;
+    on.input.counts.lost_frames = 1;
     look_after(MS);
     TOLD("w working counter 0 of 6; since the last line 1 incomplete cycle, 1 frame not back in "
          "time\n");
@@ -380,7 +380,7 @@ static void a_lost_bus_is_told_once(void) {
     TOLD("w working counter 0 of 6; since the last line 1 incomplete cycle, 1 frame not back in "
          "time\n");
     on.wkc.actual = 6;
-    on.input.lost_frames = 0;
+    on.input.counts.lost_frames = 0;
     look_after(5000 * MS);
     TOLD("w working counter 6 of 6; since the last line 0 incomplete cycles, 0 frames not back in "
          "time\n");

@@ -14,7 +14,7 @@
 static void inputs_come_in_and_outputs_stay(void) {
     struct rig *rig = set_up(1);
     take(rig); /* before the first frame */
-    CHECK(rig->wkc[0].expected == 0 && rig->input.lost_frames == 0);
+    CHECK(rig->wkc[0].expected == 0 && rig->input.counts.lost_frames == 0);
     memset(rig->frames.bytes, 0x55, 4);
     exchange(rig);
     CHECK(rig->queue[0][FSN_WIRE_DATA] == 0x55);
@@ -25,7 +25,7 @@ static void inputs_come_in_and_outputs_stay(void) {
     CHECK(rig->frames.bytes[0] == 0x55 && rig->stale[1] == 0 && rig->stale[3] == 0);
     exchange(rig); /* the second cycle carries no DC time */
     take(rig);
-    CHECK(rig->input.dc_time_ns == 0 && rig->input.old_replies == 0);
+    CHECK(rig->input.dc_time_ns == 0 && rig->input.counts.old_replies == 0);
     tear_down(rig);
 }
 
@@ -43,7 +43,7 @@ static void the_missing_keeps_its_bytes(void) {
     fsn_wire_send(&rig->frames.wire); /* lost altogether */
     take(rig);
     CHECK(inputs_are(rig, 0xB0, 0xA1));
-    CHECK(rig->input.lost_frames == 1 && rig->stale[1] == 1 && rig->stale[3] == 1);
+    CHECK(rig->input.counts.lost_frames == 1 && rig->stale[1] == 1 && rig->stale[3] == 1);
     CHECK(rig->wkc[0].expected == 6 && rig->wkc[0].actual == 0);
     tear_down(rig);
 }
@@ -62,7 +62,7 @@ static void old_replies_never_pass(unsigned cycles) {
         visit(rig, 0, rig->queue[i]);
         visit(rig, 1, rig->queue[i]);
         take(rig);
-        CHECK(rig->input.lost_frames == 1 && inputs_are(rig, 0xA0, 0xA1));
+        CHECK(rig->input.counts.lost_frames == 1 && inputs_are(rig, 0xA0, 0xA1));
     }
     fsn_wire_send(&rig->frames.wire);
     for (unsigned i = 0; i < cycles; i++) {
@@ -75,7 +75,7 @@ static void old_replies_never_pass(unsigned cycles) {
     visit(rig, 1, rig->queue[0]);
     answer(rig, 0, 0);
     take(rig);
-    CHECK(rig->input.old_replies == cycles && rig->input.lost_frames == 0);
+    CHECK(rig->input.counts.old_replies == cycles && rig->input.counts.lost_frames == 0);
     CHECK(inputs_are(rig, 0xC0, 0xC1) && rig->wkc[0].actual == 6);
     tear_down(rig);
 }
@@ -89,7 +89,7 @@ static void a_repeated_reply_counts_once(void) {
     rig->fill = 0xB0;
     exchange(rig);
     take(rig); /* the second one is old by now */
-    CHECK(rig->input.old_replies == 1 && inputs_are(rig, 0xB0, 0xB1));
+    CHECK(rig->input.counts.old_replies == 1 && inputs_are(rig, 0xB0, 0xB1));
     tear_down(rig);
 }
 
@@ -123,7 +123,7 @@ static void damaged_replies_are_foreign(void) {
         rig->queue[0][byte] ^= (uint8_t)(1u << bit % 8);
         answer(rig, 0, 0);
         take(rig);
-        CHECK(rig->input.lost_frames == !is_free && rig->input.old_replies == is_old);
+        CHECK(rig->input.counts.lost_frames == !is_free && rig->input.counts.old_replies == is_old);
         CHECK(is_free ? inputs_are(rig, 0xA0, 0xA1) : inputs_are(rig, 0, 0));
     }
     for (ssize_t length = 1; length < (ssize_t)frame->len_bytes; length++) {
@@ -133,7 +133,7 @@ static void damaged_replies_are_foreign(void) {
         rig->length[0] = length;
         answer(rig, 0, 0);
         take(rig);
-        CHECK(rig->input.lost_frames == 1 && rig->input.old_replies == 0);
+        CHECK(rig->input.counts.lost_frames == 1 && rig->input.counts.old_replies == 0);
     }
     tear_down(rig);
 }
@@ -148,7 +148,7 @@ static void padding_is_left_alone(void) {
     rig->length[0] += 7;
     answer(rig, 0, 0);
     take(rig);
-    CHECK(rig->input.lost_frames == 0 && inputs_are(rig, 0xA0, 0xA1));
+    CHECK(rig->input.counts.lost_frames == 0 && inputs_are(rig, 0xA0, 0xA1));
     tear_down(rig);
 }
 
@@ -157,14 +157,14 @@ static void foreign_frames_count_once(void) {
     struct rig *rig = set_up(1);
     exchange(rig);
     take(rig);
-    CHECK(rig->input.foreign_frames == 0);
+    CHECK(rig->input.counts.foreign_frames == 0);
     atomic_fetch_add(&rig->frames.wire.foreign, 3);
     exchange(rig);
     take(rig);
-    CHECK(rig->input.foreign_frames == 3);
+    CHECK(rig->input.counts.foreign_frames == 3);
     exchange(rig);
     take(rig);
-    CHECK(rig->input.foreign_frames == 0);
+    CHECK(rig->input.counts.foreign_frames == 0);
     tear_down(rig);
 }
 
@@ -177,12 +177,12 @@ static void what_cannot_be_sent_is_counted(void) {
     rig->frames.wire.sockets[0] = no_socket;
     fsn_wire_send(&rig->frames.wire);
     take(rig);
-    CHECK(rig->input.unsent_frames == 1 && rig->input.send_errno == ENOTSOCK);
-    CHECK(rig->input.lost_frames == 1);
+    CHECK(rig->input.counts.unsent_frames == 1 && rig->input.send_errno == ENOTSOCK);
+    CHECK(rig->input.counts.lost_frames == 1);
     rig->frames.wire.sockets[0] = wire;
     exchange(rig);
     take(rig);
-    CHECK(rig->input.unsent_frames == 0 && rig->input.lost_frames == 0);
+    CHECK(rig->input.counts.unsent_frames == 0 && rig->input.counts.lost_frames == 0);
     CHECK(rig->input.send_errno == ENOTSOCK); /* the last reason stays */
     close(no_socket);
     tear_down(rig);
@@ -240,7 +240,7 @@ static void frames_are_what_the_standard_says(void) {
     exchange(rig);
     CHECK(wire->cycle == 1 && memcmp(rig->queue[0] + FSN_WIRE_MARK, "\xF0\xDE\xBC\x9A\1", 5) == 0);
     take(rig);
-    CHECK(rig->input.lost_frames == 0);
+    CHECK(rig->input.counts.lost_frames == 0);
     wire->cycle = 0x01020303;
     exchange(rig);
     CHECK(memcmp(rig->queue[0] + FSN_WIRE_MARK + 4, "\4\3\2\1", 4) == 0);
@@ -282,7 +282,7 @@ static void frames_without_process_data_count_for_no_datagram(void) {
             }
         }
         take(rig);
-        CHECK(rig->input.lost_frames == (lost < 3));
+        CHECK(rig->input.counts.lost_frames == (lost < 3));
         CHECK(rig->wkc[0].expected == 3 && rig->wkc[1].expected == 3);
         CHECK(rig->wkc[0].actual == (lost == 0 ? 0 : 2));
         CHECK(rig->wkc[1].actual == (lost == 1 ? 0 : 3));
@@ -334,7 +334,7 @@ static void a_reply_is_taken_once(void) {
     wall.control[0] = (struct control){SOL_SOCKET, SCM_TIMESTAMPNS, {1700000000, 123456789 + 50}};
     wall.later_ns = 10;
     take(rig);
-    CHECK(rig->input.old_replies == 1 && rig->input.lost_frames == 0);
+    CHECK(rig->input.counts.old_replies == 1 && rig->input.counts.lost_frames == 0);
     CHECK(rig->frames.bytes[HALF] == 0xA0);
     CHECK(rig->input.round_trip_ns == 70); /* when the last frame came */
     /* Packets after the last frame are ignored. */
@@ -344,7 +344,7 @@ static void a_reply_is_taken_once(void) {
     answer(rig, 0, 0);
     answer(rig, 0, 0);
     take(rig);
-    CHECK(rig->input.old_replies == 1 && rig->input.lost_frames == 1);
+    CHECK(rig->input.counts.old_replies == 1 && rig->input.counts.lost_frames == 1);
     tear_down(rig);
 }
 

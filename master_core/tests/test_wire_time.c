@@ -34,7 +34,7 @@ static void replies_tell_their_time(void) {
         exchange(rig);
         CHECK(rig->frames.wire.sent_ns == REALTIME_NS);
         take(rig);
-        CHECK(rig->input.lost_frames == 0);
+        CHECK(rig->input.counts.lost_frames == 0);
         CHECK(rig->input.round_trip_ns == table[i].round_trip_ns);
     }
     tear_down(rig);
@@ -46,12 +46,13 @@ static void reading_goes_on_and_ends(void) {
     exchange(rig);
     wall.interrupts = 3;
     take(rig);
-    CHECK(rig->input.lost_frames == 0 && wall.interrupts == 0);
+    CHECK(rig->input.counts.lost_frames == 0 && wall.interrupts == 0);
     fsn_wire_send(&rig->frames.wire);
     wall.flood = UINT32_MAX; /* the reply of the cycle before, again and again */
     wall.reads = 0;
     take(rig);
-    CHECK(wall.reads == 1024 && rig->input.old_replies == 1024 && rig->input.lost_frames == 1);
+    CHECK(wall.reads == 1024 && rig->input.counts.old_replies == 1024 &&
+          rig->input.counts.lost_frames == 1);
     wall.flood = 0;
     take(rig);
     tear_down(rig);
@@ -147,7 +148,7 @@ static void the_time_of_this_machine_goes_out(void) {
     rig->queue[0][frame->dc_set + 5] ^= 1; /* another register: not ours */
     answer(rig, 0, 0);
     take(rig);
-    CHECK(rig->input.lost_frames == 1);
+    CHECK(rig->input.counts.lost_frames == 1);
     tear_down(rig);
 }
 
@@ -174,7 +175,7 @@ static void the_first_port_goes_first(void) {
     rig->frames.wire.sockets[1] = -1;
     answer(rig, 1, 0);
     take(rig);
-    CHECK(rig->input.lost_frames == 1 && rig->input.old_replies == 0);
+    CHECK(rig->input.counts.lost_frames == 1 && rig->input.counts.old_replies == 0);
     rig->frames.wire.sockets[1] = second;
     tear_down(rig);
 }
@@ -201,7 +202,7 @@ static void ring(bool broken, bool second_cable_out) {
         }
         take(rig);
         CHECK(inputs_are(rig, rig->fill, (uint8_t)(rig->fill + 1)));
-        CHECK(rig->wkc[0].actual == 6 && rig->input.lost_frames == 0);
+        CHECK(rig->wkc[0].actual == 6 && rig->input.counts.lost_frames == 0);
         const uint32_t n = i + 1;
         CHECK(atomic_load(&rig->frames.wire.sent) == n);
         const uint32_t second = second_cable_out ? 0 : n;
@@ -237,20 +238,20 @@ static void waiting_ends_with_the_reply(void) {
     fsn_wire_send(&rig->frames.wire);
     CHECK(hold(rig, 0) && rig->frames.wire.sent_ns == MONOTONIC_NS);
     take(rig); /* no answer: the time runs out */
-    CHECK(rig->input.lost_frames == 1 && rig->input.round_trip_ns == 0);
+    CHECK(rig->input.counts.lost_frames == 1 && rig->input.round_trip_ns == 0);
     CHECK(wall.waited_ns == patience_ns && wall.monotonic_ns == MONOTONIC_NS + patience_ns);
     CHECK(wall.polled == 1);
     wall.while_waiting = somebody_else_speaks;
     fsn_wire_send(&rig->frames.wire);
     take(rig);
-    CHECK(rig->input.lost_frames == 1);
+    CHECK(rig->input.counts.lost_frames == 1);
     CHECK(wall.monotonic_ns == MONOTONIC_NS + patience_ns + UINT64_C(2800000000));
     rig->queued = 0;
     CHECK(hold(rig, 0)); /* the packets that were not read */
     wall.while_waiting = both_answer;
     fsn_wire_send(&rig->frames.wire);
     take(rig);
-    CHECK(rig->input.lost_frames == 0 && rig->input.round_trip_ns == 1000);
+    CHECK(rig->input.counts.lost_frames == 0 && rig->input.round_trip_ns == 1000);
     CHECK(inputs_are(rig, 0xA0, 0xA1));
     /* A reply that is there already is not waited for. */
     wall.while_waiting = nobody_answers;
@@ -258,7 +259,7 @@ static void waiting_ends_with_the_reply(void) {
     exchange(rig);
     wall.waited_ns = 0;
     take(rig);
-    CHECK(rig->input.lost_frames == 0 && wall.waited_ns == 0 && wall.monotonic_ns == now_ns);
+    CHECK(rig->input.counts.lost_frames == 0 && wall.waited_ns == 0 && wall.monotonic_ns == now_ns);
     tear_down(rig);
 }
 
@@ -281,13 +282,13 @@ static void waiting_ends_when_everybody_was_visited(void) {
     fsn_wire_send(&rig->frames.wire);
     take(rig);
     CHECK(wall.polled == 2 && wall.monotonic_ns == MONOTONIC_NS + 1000);
-    CHECK(rig->input.lost_frames == 0 && rig->input.round_trip_ns == 1000);
+    CHECK(rig->input.counts.lost_frames == 0 && rig->input.round_trip_ns == 1000);
     rig->present[1] = false;
     rig->queued = 0;
     fsn_wire_send(&rig->frames.wire);
     take(rig); /* its other half may still come from the second port */
     CHECK(wall.monotonic_ns >= MONOTONIC_NS + 1000 + 5000 && rig->input.round_trip_ns == 0);
-    CHECK(rig->input.lost_frames == 0 && rig->wkc[0].actual == 3);
+    CHECK(rig->input.counts.lost_frames == 0 && rig->wkc[0].actual == 3);
     /* A frame without an expected counter cannot show that all were visited. */
     rig->present[1] = true;
     rig->frames.wire.frames[0].expected = 0;

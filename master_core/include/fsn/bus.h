@@ -33,6 +33,14 @@ struct fsn_wkc {
     uint32_t actual;   /**< received value; 0 for a lost datagram */
 };
 
+/** Frames that did not come back as they should. */
+struct fsn_frame_counts {
+    uint64_t lost_frames;    /**< that did not return in their cycle */
+    uint64_t old_replies;    /**< replies to earlier frames, discarded */
+    uint64_t foreign_frames; /**< of another MainDevice, if the bus receives them */
+    uint64_t unsent_frames;  /**< that the system did not send */
+};
+
 /** Data that a bus reports to the core in every cycle. The arrays belong to the core, which clears
  *  them before each receive(). */
 struct fsn_bus_input {
@@ -40,13 +48,10 @@ struct fsn_bus_input {
     /** One per sync manager: set to 1 if an input contains the bytes of an earlier cycle. Leave it
      *  0 if the mapping does not show this; then only the working counter does. */
     uint8_t *sm_stale;
-    uint32_t lost_frames;    /**< frames of the last send() that have not returned */
-    uint32_t old_replies;    /**< replies to earlier frames, discarded */
-    uint32_t foreign_frames; /**< of another MainDevice, received since the last receive() */
-    uint32_t unsent_frames;  /**< frames of the last send() that the system rejected */
-    int send_errno;          /**< errno of the last rejected frame; 0: none */
-    uint64_t round_trip_ns;  /**< from send() to the last reply; 0 if unknown to the bus */
-    uint64_t dc_time_ns;     /**< time of the DC reference clock in this reply; 0 if none */
+    struct fsn_frame_counts counts; /**< since the last receive() */
+    int send_errno;                 /**< errno of the last frame that was not sent; 0: none */
+    uint64_t round_trip_ns;         /**< from send() to the last reply; 0 if unknown to the bus */
+    uint64_t dc_time_ns;            /**< time of the DC reference clock in this reply; 0 if none */
 };
 
 /** AL states of EtherCAT SubDevices; the flag FSN_AL_ERROR may be added to a state. */

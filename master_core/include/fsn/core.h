@@ -29,24 +29,21 @@ struct fsn_histogram {
 
 /** Counters of the cyclic thread; they only increase. */
 struct fsn_statistics {
-    uint64_t cycles;         /**< bus cycles run */
-    uint64_t overruns;       /**< cycles skipped because of a late wake-up */
-    uint64_t wkc_errors;     /**< cycles with an incomplete working counter */
-    uint64_t lost_frames;    /**< frames that did not return in their cycle */
-    uint64_t old_replies;    /**< replies to earlier frames, discarded */
-    uint64_t foreign_frames; /**< of another MainDevice, if the bus receives them */
-    uint64_t unsent_frames;  /**< frames that the system did not send */
-    uint64_t bytes_copied;   /**< bytes moved by copies */
-    uint64_t now_ns;         /**< start of the last cycle, monotonic */
-    uint64_t dc_time_ns;     /**< last reading of the DC reference clock; 0 if there is none */
-    uint64_t events_lost;    /**< events dropped because the ring was full */
-    uint32_t expected_wkc;   /**< of the last cycle */
-    uint32_t actual_wkc;     /**< of the last cycle */
-    uint32_t copies;         /**< copies of the plan */
-    uint32_t merged_copies;  /**< copies executed after merging neighbours */
-    uint32_t realtime;       /**< 1 if the thread has its real-time priority */
-    uint32_t send_errno;     /**< errno of the last frame that could not be sent; 0: none */
-    uint32_t locked;         /**< 1 if the memory of the process is locked */
+    uint64_t cycles;                /**< bus cycles run */
+    uint64_t overruns;              /**< cycles skipped because of a late wake-up */
+    uint64_t wkc_errors;            /**< cycles with an incomplete working counter */
+    struct fsn_frame_counts counts; /**< of frames */
+    uint64_t bytes_copied;          /**< bytes moved by copies */
+    uint64_t now_ns;                /**< start of the last cycle, monotonic */
+    uint64_t dc_time_ns;    /**< last reading of the DC reference clock; 0 if there is none */
+    uint64_t events_lost;   /**< events dropped because the ring was full */
+    uint32_t expected_wkc;  /**< of the last cycle */
+    uint32_t actual_wkc;    /**< of the last cycle */
+    uint32_t copies;        /**< copies of the plan */
+    uint32_t merged_copies; /**< copies executed after merging neighbours */
+    uint32_t realtime;      /**< 1 if the thread has its real-time priority */
+    uint32_t send_errno;    /**< errno of the last frame that could not be sent; 0: none */
+    uint32_t locked;        /**< 1 if the memory of the process is locked */
     /* Of the cyclic thread only; empty in virtual time. */
     struct fsn_histogram latency;    /**< delay of wake-ups */
     struct fsn_histogram period;     /**< from the start of one cycle to the next */
@@ -71,18 +68,16 @@ struct fsn_event {
 
 /** One cycle, as stored by the recorder. */
 struct fsn_cycle {
-    uint64_t cycle;          /**< its number: 1 for the first; fsn_statistics.cycles after it */
-    uint64_t now_ns;         /**< its start, monotonic */
-    uint64_t dc_time_ns;     /**< DC reference clock in its reply; 0 if there is none */
-    uint32_t late_ns;        /**< wake-up delay; this and the next two saturate at 2^32 - 1 */
-    uint32_t work_ns;        /**< from the wake-up to the end of send() */
-    uint32_t round_trip_ns;  /**< from send() to the last reply; 0 if unknown to the bus */
-    uint32_t lost_frames;    /**< frames that did not return in this cycle */
-    uint32_t old_replies;    /**< replies to earlier frames, discarded in this cycle */
-    uint32_t foreign_frames; /**< of another MainDevice, received since the previous cycle */
-    uint32_t expected_wkc;   /**< over all datagrams */
-    uint32_t actual_wkc;     /**< over all datagrams */
-    uint32_t overruns;       /**< cycles skipped before this one because of its late wake-up */
+    uint64_t cycle;         /**< its number: 1 for the first; fsn_statistics.cycles after it */
+    uint64_t now_ns;        /**< its start, monotonic */
+    uint64_t dc_time_ns;    /**< DC reference clock in its reply; 0 if there is none */
+    uint32_t late_ns;       /**< wake-up delay; this and the next two saturate at 2^32 - 1 */
+    uint32_t work_ns;       /**< from the wake-up to the end of send() */
+    uint32_t round_trip_ns; /**< from send() to the last reply; 0 if unknown to the bus */
+    struct fsn_frame_counts counts; /**< of this cycle */
+    uint32_t expected_wkc;          /**< over all datagrams */
+    uint32_t actual_wkc;            /**< over all datagrams */
+    uint32_t overruns; /**< cycles skipped before this one because of its late wake-up */
 };
 
 /** Options of the cyclic thread. Zero is a valid value for every field except cycle_ns. */

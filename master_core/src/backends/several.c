@@ -83,7 +83,8 @@ static void count_lead(struct fsn_several *several, const struct fsn_bus_input *
     atomic_store_explicit(&several->expected_wkc, expected, memory_order_relaxed);
     atomic_store_explicit(&several->actual_wkc, actual, memory_order_relaxed);
     atomic_fetch_add_explicit(&several->wkc_errors, bad > 0, memory_order_relaxed);
-    atomic_fetch_add_explicit(&several->lost_frames, input->lost_frames, memory_order_relaxed);
+    atomic_fetch_add_explicit(&several->lost_frames, input->counts.lost_frames,
+                              memory_order_relaxed);
 }
 
 static void several_receive(void *context, struct fsn_bus_input *input) {
@@ -407,7 +408,8 @@ static fsn_status several_statistics(void *context, uint32_t number,
     if (number != 0) {
         return fsn_core_snapshot(several->members[number].core, statistics, NULL, NULL);
     }
-    statistics->lost_frames = atomic_load_explicit(&several->lost_frames, memory_order_relaxed);
+    statistics->counts.lost_frames =
+        atomic_load_explicit(&several->lost_frames, memory_order_relaxed);
     statistics->wkc_errors = atomic_load_explicit(&several->wkc_errors, memory_order_relaxed);
     statistics->expected_wkc = atomic_load_explicit(&several->expected_wkc, memory_order_relaxed);
     statistics->actual_wkc = atomic_load_explicit(&several->actual_wkc, memory_order_relaxed);

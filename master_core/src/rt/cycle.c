@@ -7,6 +7,7 @@
 
 #include "rt/bytes.h"
 #include "rt/clock.h"
+#include "rt/frame_counts.h"
 
 static void sleep_until(uint64_t at_ns) {
     const struct timespec at = {.tv_sec = (time_t)(at_ns / 1000000000u),
@@ -28,10 +29,7 @@ static void write_outputs(struct fsn_rt *rt) {
 static void clear_input(struct fsn_rt *rt) {
     memset(rt->input.wkc, 0, rt->datagram_count * sizeof *rt->input.wkc);
     memset(rt->input.sm_stale, 0, rt->sm_count);
-    rt->input.lost_frames = 0;
-    rt->input.old_replies = 0;
-    rt->input.foreign_frames = 0;
-    rt->input.unsent_frames = 0;
+    rt->input.counts = (struct fsn_frame_counts){0};
     rt->input.send_errno = 0;
     rt->input.round_trip_ns = 0;
     rt->input.dc_time_ns = 0;
@@ -50,10 +48,7 @@ static void judge_input(struct fsn_rt *rt) {
         bad += rt->input.wkc[d].expected != rt->input.wkc[d].actual;
     }
     s->wkc_errors += bad > 0;
-    s->lost_frames += rt->input.lost_frames;
-    s->old_replies += rt->input.old_replies;
-    s->foreign_frames += rt->input.foreign_frames;
-    s->unsent_frames += rt->input.unsent_frames;
+    fsn_add_counts(&s->counts, &rt->input.counts, NULL);
     s->send_errno = (uint32_t)rt->input.send_errno;
     if (rt->input.dc_time_ns != 0) {
         s->dc_time_ns = rt->input.dc_time_ns;

@@ -2,6 +2,8 @@
 
 #include <string.h>
 
+#include "rt/frame_counts.h"
+
 void fsn_exchange_copy(uint8_t *to, const uint8_t *from, const struct fsn_exchange_span *spans,
                        uint32_t count) {
     for (uint32_t i = 0; i < count; i++) {
@@ -10,13 +12,9 @@ void fsn_exchange_copy(uint8_t *to, const uint8_t *from, const struct fsn_exchan
 }
 
 void fsn_exchange_in_bus(struct fsn_exchange *exchange, const struct fsn_bus_input *input) {
-    struct fsn_exchange_totals *counted = &exchange->counted;
     struct fsn_exchange_inputs *set = &exchange->brought[exchange->up.writer];
-    counted->lost_frames += input->lost_frames;
-    counted->old_replies += input->old_replies;
-    counted->foreign_frames += input->foreign_frames;
-    counted->unsent_frames += input->unsent_frames;
-    set->totals = *counted;
+    fsn_add_counts(&exchange->counted, &input->counts, NULL);
+    set->totals = exchange->counted;
     set->send_errno = input->send_errno;
     fsn_exchange_copy(set->image, exchange->image, exchange->inputs, exchange->input_count);
     memcpy(set->wkc, input->wkc, exchange->datagram_count * sizeof *set->wkc);
@@ -39,10 +37,7 @@ void fsn_exchange_receive(struct fsn_exchange *exchange, uint8_t *image,
     memcpy(input->sm_stale, set->sm_stale, exchange->sm_count);
     fsn_exchange_copy(image, set->image, exchange->inputs, exchange->input_count);
     /* Differences, so that sets that were never read are included. */
-    input->lost_frames += set->totals.lost_frames - exchange->known.lost_frames;
-    input->old_replies += set->totals.old_replies - exchange->known.old_replies;
-    input->foreign_frames += set->totals.foreign_frames - exchange->known.foreign_frames;
-    input->unsent_frames += set->totals.unsent_frames - exchange->known.unsent_frames;
+    fsn_add_counts(&input->counts, &set->totals, &exchange->known);
     input->send_errno = set->send_errno != 0 ? set->send_errno : input->send_errno;
     exchange->known = set->totals;
 }

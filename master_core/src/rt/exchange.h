@@ -11,17 +11,12 @@ struct fsn_exchange_span {
     uint32_t byte, size_bytes;
 };
 
-/** Counters since the bus was opened. */
-struct fsn_exchange_totals {
-    uint32_t lost_frames, old_replies, foreign_frames, unsent_frames;
-};
-
 /** One whole set of data from a bus. */
 struct fsn_exchange_inputs {
     uint8_t *image;
     struct fsn_wkc *wkc;
     uint8_t *sm_stale;
-    struct fsn_exchange_totals totals;
+    struct fsn_frame_counts totals; /**< since the bus was opened */
     int send_errno;
 };
 
@@ -33,9 +28,9 @@ struct fsn_exchange {
     uint32_t input_count, output_count;
     struct fsn_triple up, down;
     struct fsn_exchange_inputs brought[FSN_TRIPLE_SETS];
-    uint8_t *given[FSN_TRIPLE_SETS];    /**< images that contain the outputs */
-    struct fsn_exchange_totals counted; /**< of the bus's own cycle */
-    struct fsn_exchange_totals known;   /**< of the leading cycle */
+    uint8_t *given[FSN_TRIPLE_SETS]; /**< images that contain the outputs */
+    struct fsn_frame_counts counted; /**< of the bus's own cycle */
+    struct fsn_frame_counts known;   /**< of the leading cycle */
 };
 
 /** Cycle of the bus, after its receive(): publishes its inputs and fetches the outputs. */

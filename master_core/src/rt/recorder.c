@@ -18,9 +18,7 @@ void fsn_rt_record(struct fsn_rt *rt, uint64_t work_ns) {
                                         .late_ns = saturated(rt->late_ns),
                                         .work_ns = saturated(work_ns),
                                         .round_trip_ns = saturated(rt->input.round_trip_ns),
-                                        .lost_frames = rt->input.lost_frames,
-                                        .old_replies = rt->input.old_replies,
-                                        .foreign_frames = rt->input.foreign_frames,
+                                        .counts = rt->input.counts,
                                         .expected_wkc = s->expected_wkc,
                                         .actual_wkc = s->actual_wkc,
                                         .overruns = saturated(rt->left_out)};

@@ -259,7 +259,7 @@ static uint64_t drain(struct fsn_wire *wire, uint32_t port, struct fsn_bus_input
         }
         const enum taken taken = take(wire, port, packet, (uint32_t)got);
         last_ns = taken == TAKEN ? at_ns : last_ns;
-        input->old_replies += taken == OLD;
+        input->counts.old_replies += taken == OLD;
     }
     return last_ns;
 }
@@ -366,7 +366,7 @@ static void judge(struct fsn_wire *wire, uint32_t number, struct fsn_bus_input *
     struct fsn_wire_frame *frame = &wire->frames[number];
     const bool back = frame->back[0] || frame->back[1];
     const uint32_t counter = counter_of(frame);
-    input->lost_frames += !back;
+    input->counts.lost_frames += !back;
     if (number < wire->datagram_count) {
         input->wkc[number].expected =
             wire->group_count == 0 || !back ? frame->expected : expected_of(wire, number, counter);
@@ -395,9 +395,9 @@ void fsn_wire_receive(struct fsn_wire *wire, struct fsn_bus_input *input) {
         return; /* nothing has been sent yet */
     }
     const uint64_t foreign = atomic_load_explicit(&wire->foreign, memory_order_relaxed);
-    input->foreign_frames = (uint32_t)(foreign - wire->foreign_reported);
+    input->counts.foreign_frames = foreign - wire->foreign_reported;
     wire->foreign_reported = foreign;
-    input->unsent_frames = wire->unsent;
+    input->counts.unsent_frames = wire->unsent;
     input->send_errno = wire->send_errno;
     const uint64_t last_ns = collect(wire, input);
     if (last_ns > wire->sent_ns) {

@@ -103,7 +103,7 @@ void igh_receive(void *context, struct fsn_bus_input *input) {
     }
     /* IgH does not report the number of frames for the datagrams; if nothing returned, at least one
      * is lost. */
-    input->lost_frames = !any;
+    input->counts.lost_frames = !any;
     count_silence(bus);
     if (any) { /* otherwise its library prints, in this thread, that the time has not returned */
         read_clock(bus, input);

@@ -358,16 +358,17 @@ static const char *plural(uint64_t number) {
  *  cause. */
 static void wkc_text(const struct fsn_changes *changes, const struct fsn_statistics *s, char *text,
                      size_t room_bytes) {
-    const uint64_t late = s->old_replies - changes->old_replies;
-    const uint64_t unsent = s->unsent_frames - changes->unsent_frames;
+    const uint64_t late = s->counts.old_replies - changes->counts.old_replies;
+    const uint64_t unsent = s->counts.unsent_frames - changes->counts.unsent_frames;
     const uint64_t left_out = s->overruns - changes->overruns;
-    int len = snprintf(
-        text, room_bytes,
-        "working counter %u of %u; since the last line %" PRIu64 " incomplete cycle%s, %" PRIu64
-        " frame%s not back in time",
-        (unsigned)s->actual_wkc, (unsigned)s->expected_wkc, s->wkc_errors - changes->wkc_errors,
-        plural(s->wkc_errors - changes->wkc_errors), s->lost_frames - changes->lost_frames,
-        plural(s->lost_frames - changes->lost_frames));
+    int len =
+        snprintf(text, room_bytes,
+                 "working counter %u of %u; since the last line %" PRIu64
+                 " incomplete cycle%s, %" PRIu64 " frame%s not back in time",
+                 (unsigned)s->actual_wkc, (unsigned)s->expected_wkc,
+                 s->wkc_errors - changes->wkc_errors, plural(s->wkc_errors - changes->wkc_errors),
+                 s->counts.lost_frames - changes->counts.lost_frames,
+                 plural(s->counts.lost_frames - changes->counts.lost_frames));
     if (late > 0) {
         len += snprintf(text + len, room_bytes - (size_t)len,
                         ", %" PRIu64 " repl%s late: the cycle is short for this bus", late,
@@ -389,7 +390,8 @@ static void poll_wkc(struct fsn_changes *changes, uint64_t now_ns) {
     const bool incomplete = s->cycles > 0 && s->expected_wkc != s->actual_wkc;
     const bool turned = incomplete != changes->incomplete;
     const bool more = s->wkc_errors != changes->wkc_errors ||
-                      s->lost_frames != changes->lost_frames || s->overruns != changes->overruns;
+                      s->counts.lost_frames != changes->counts.lost_frames ||
+                      s->overruns != changes->overruns;
     /* A lost bus stays lost until the working counter is correct again. */
     const bool known = incomplete && s->actual_wkc == 0 && changes->wkc_lost;
     const bool due = !known && now_ns - changes->wkc_reported_ns >= WKC_MS * UINT64_C(1000000);
@@ -403,14 +405,12 @@ static void poll_wkc(struct fsn_changes *changes, uint64_t now_ns) {
     fsn_json_put_u64(json, "expected", s->expected_wkc);
     fsn_json_put_u64(json, "actual", s->actual_wkc);
     fsn_json_put_u64(json, "wkc_errors", s->wkc_errors);
-    fsn_json_put_u64(json, "lost_frames", s->lost_frames);
+    fsn_json_put_u64(json, "lost_frames", s->counts.lost_frames);
     fsn_event_send(changes->events, due ? FSN_LOG_WARNING : FSN_LOG_DETAIL, "%s", text);
     changes->incomplete = incomplete;
     if (due) {
         changes->wkc_errors = s->wkc_errors;
-        changes->lost_frames = s->lost_frames;
-        changes->old_replies = s->old_replies;
-        changes->unsent_frames = s->unsent_frames;
+        changes->counts = s->counts;
         changes->overruns = s->overruns;
         changes->wkc_reported_ns = now_ns;
         changes->wkc_lost = incomplete && s->actual_wkc == 0;
@@ -420,17 +420,17 @@ static void poll_wkc(struct fsn_changes *changes, uint64_t now_ns) {
 /** Another MainDevice sends on this bus: reported immediately, then at most once a minute. */
 static void poll_foreign(struct fsn_changes *changes, uint64_t now_ns) {
     const struct fsn_statistics *s = &changes->view->statistics;
-    if (s->foreign_frames == changes->foreign_frames ||
+    if (s->counts.foreign_frames == changes->foreign_frames ||
         (changes->foreign_reported_ns != 0 &&
          now_ns - changes->foreign_reported_ns < FOREIGN_MS * UINT64_C(1000000))) {
         return;
     }
     struct fsn_json *json = fsn_event_begin(changes->events, "foreign", s->now_ns);
-    fsn_json_put_u64(json, "foreign_frames", s->foreign_frames);
+    fsn_json_put_u64(json, "foreign_frames", s->counts.foreign_frames);
     fsn_event_send(changes->events, FSN_LOG_WARNING,
                    "another MainDevice sends on this bus: %" PRIu64 " of its frames so far",
-                   s->foreign_frames);
-    changes->foreign_frames = s->foreign_frames;
+                   s->counts.foreign_frames);
+    changes->foreign_frames = s->counts.foreign_frames;
     changes->foreign_reported_ns = now_ns;
 }
 

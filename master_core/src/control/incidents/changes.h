@@ -19,9 +19,8 @@ struct fsn_changes {
     bool incomplete;             /**< working counter of the last poll */
     bool differed;               /**< a connection has had parameters that differ from the plan */
     bool wkc_lost;               /**< the missing answers were logged */
-    uint64_t wkc_errors, lost_frames, old_replies, unsent_frames, overruns; /**< last reported */
-    uint64_t events_lost;                                                   /**< last reported */
-    uint64_t foreign_frames;                                                /**< last reported */
+    struct fsn_frame_counts counts; /**< last reported, but for foreign frames */
+    uint64_t wkc_errors, overruns, events_lost, foreign_frames; /**< last reported */
     uint64_t foreign_reported_ns;
     uint64_t wkc_reported_ns, polled_ns;
     struct fsn_seen_group *group; /**< of each group of the plan */

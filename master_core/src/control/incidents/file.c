@@ -137,9 +137,9 @@ static void put_cycle(FILE *out, const struct fsn_window *w, uint64_t number) {
     put_number(out, "late", c->late_ns);
     put_number(out, "work", c->work_ns);
     put_number(out, "round", c->round_trip_ns);
-    put_number(out, "lost", c->lost_frames);
-    put_number(out, "old", c->old_replies);
-    put_number(out, "foreign", c->foreign_frames);
+    put_number(out, "lost", c->counts.lost_frames);
+    put_number(out, "old", c->counts.old_replies);
+    put_number(out, "foreign", c->counts.foreign_frames);
     put_number(out, "overruns", c->overruns);
     if (c->expected_wkc != c->actual_wkc) {
         fprintf(out, ",\"wkc\":[%" PRIu32 ",%" PRIu32 "]", c->expected_wkc, c->actual_wkc);

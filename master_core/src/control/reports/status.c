@@ -149,7 +149,7 @@ static void put_buses(struct fsn_bus_view *view, const struct fsn_control_status
         fsn_json_put_u64(json, "cycles", s->cycles);
         fsn_json_put_u64(json, "overruns", s->overruns);
         fsn_json_put_u64(json, "wkc_errors", s->wkc_errors);
-        fsn_json_put_u64(json, "lost_frames", s->lost_frames);
+        fsn_json_put_u64(json, "lost_frames", s->counts.lost_frames);
         fsn_json_put_u64(json, "expected_wkc", s->expected_wkc);
         fsn_json_put_u64(json, "actual_wkc", s->actual_wkc);
         fsn_json_put_bool(json, "realtime", s->realtime != 0);
