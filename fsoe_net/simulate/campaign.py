@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, wait
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
-from itertools import islice
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 from fsoe_net.campaign.clean_run import MainFactory, SubFactory, TrialConnection
 from fsoe_net.campaign.shrink import shrink
@@ -25,10 +23,11 @@ from fsoe_net.campaign.trials import (
 from fsoe_net.errors import InputError
 from fsoe_net.fsoe.config import MainConfig
 from fsoe_net.model.resolve import Resolution
+from fsoe_net.simulate.cluster import ClusterWorkers, run_pieces
 from fsoe_net.simulate.kept_pieces import KeptPieces
 from fsoe_net.simulate.scenario_run import DEFAULT_CYCLE_NS
 from fsoe_net.simulate.setup import choose_setups
-from fsoe_net.simulate.workers import ClusterWorkers, LocalWorkers, Piece, Workers
+from fsoe_net.simulate.workers import LocalWorkers, Piece, is_of
 
 _CHUNK = 8192  # independent of the number of processes, so that sums are equal
 _FEW = 4096  # trials for which starting processes is too slow
@@ -165,7 +164,7 @@ def run_campaign(
             reports.finished(part.injected, part.name)
         left = [piece for piece in work if piece[0] not in parts]
         try:
-            for index, part in _steps(config, left, jobs, cluster, reports):
+            for (index, _, _), part in _steps(config, left, jobs, cluster, reports):
                 parts[index] = part
                 if kept is not None:
                     kept.add(index, part)
@@ -212,7 +211,7 @@ def save_failures(result: CampaignResult, folder: Path) -> dict[tuple[str, int],
 
 
 _Work = Sequence[Piece]
-_Steps = Iterator[tuple[int, ClassResult]]
+_Steps = Iterator[tuple[Piece, ClassResult]]
 
 
 class _Reports:
@@ -247,16 +246,35 @@ def _steps(
     config: CampaignConfig, work: _Work, jobs: int, cluster: str | None, reports: _Reports
 ) -> _Steps:
     if cluster is not None:
-        return _together(config, work, ClusterWorkers(cluster), reports)
+        far = ClusterWorkers[Piece, ClassResult](
+            cluster,
+            partial(_run_there, config),
+            lambda part, piece: is_of(part, config, piece),
+        )
+        return run_pieces(work, far, _SHOWN_EVERY_S)
     if jobs == 1:
         return _alone(config, work, reports)
-    return _together(config, work, LocalWorkers(jobs, work), reports)
+    near = LocalWorkers(config, jobs, work)
+
+    def waiting(running: Iterable[Piece]) -> None:
+        # Report the progress of the pieces, so that it does not look stuck.
+        at = {piece: done for piece in running if (done := near.done(piece[0]))}
+        if at:
+            reports.within(sum(at.values()), min(at)[1])
+
+    return run_pieces(work, near, _SHOWN_EVERY_S, waiting)
+
+
+def _run_there(config: CampaignConfig, piece: Piece) -> ClassResult:
+    _, name, trials = piece
+    return run_trials(config, name, trials)
 
 
 def _alone(config: CampaignConfig, work: _Work, reports: _Reports) -> _Steps:
-    for index, name, trials in work:
+    for piece in work:
+        _, name, trials = piece
         on_trial = _now_and_then(reports.within, name) if reports.call else None
-        yield index, run_trials(config, name, trials, on_trial)
+        yield piece, run_trials(config, name, trials, on_trial)
 
 
 def _now_and_then(tell: Callable[[int, str], None], name: str) -> Callable[[int], None]:
@@ -269,29 +287,3 @@ def _now_and_then(tell: Callable[[int, str], None], name: str) -> Callable[[int]
             due_s = time.monotonic() + _SHOWN_EVERY_S
 
     return on_trial
-
-
-def _together(config: CampaignConfig, work: _Work, workers: Workers, reports: _Reports) -> _Steps:
-    """Distribute the work; only a few pieces are queued ahead, so that stopping is fast."""
-    queue = iter(work)
-    running: dict[Future[Any], Piece] = {}
-    try:
-        while True:
-            # A cluster may have lost workers since.
-            free = max(2 * workers.slots + 1 - len(running), 0)
-            for piece in islice(queue, free):
-                running[workers.start(config, piece)] = piece
-            if not running:
-                return
-            finished, _ = wait(running, timeout=_SHOWN_EVERY_S, return_when=FIRST_COMPLETED)
-            for future in finished:
-                piece = running.pop(future)
-                yield piece[0], workers.result(future, config, piece)
-            # Nothing was completed in this interval: report the progress of the pieces, so that it
-            # does not look stuck.
-            if not finished:
-                at = {piece: done for piece in running.values() if (done := workers.done(piece[0]))}
-                if at:
-                    reports.within(sum(at.values()), min(at)[1])
-    finally:
-        workers.stop()

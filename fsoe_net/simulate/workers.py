@@ -1,9 +1,8 @@
-"""Processes that run the pieces of a campaign: of this machine, or of a cluster."""
+"""Processes of this machine that run the pieces of a campaign, and the check of their results."""
 
 from __future__ import annotations
 
 import gc
-import importlib
 import math
 import multiprocessing
 import os
@@ -13,51 +12,29 @@ import threading
 from collections.abc import MutableSequence, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from typing import Any, Protocol
 
 from fsoe_net.campaign.collision_proof import Collision
 from fsoe_net.campaign.trials import CampaignConfig, ClassResult, run_trials
-from fsoe_net.diag.packages import missing_package
-from fsoe_net.errors import EnvironmentFault, FsnError
+from fsoe_net.errors import EnvironmentFault
 from fsoe_net.simulate.device_logic import divert_stdout
-from fsoe_net.version import __version__
 
 _STOP_S = 2.0  # time for a process to end by itself
-_CONNECT_S = 10.0  # time for the scheduler of a cluster to answer
 
 Piece = tuple[int, str, range]
 """A piece of work: its number, the class of faults and its trials."""
-
-
-class Workers(Protocol):
-    """Runs pieces of work in any order."""
-
-    @property
-    def slots(self) -> int:
-        """Number of pieces that can run at the same time."""
-
-    def start(self, config: CampaignConfig, piece: Piece) -> Future[Any]:
-        """Run one piece."""
-
-    def result(self, future: Future[Any], config: CampaignConfig, piece: Piece) -> ClassResult:
-        """Return the result of a piece that has ended; raises `EnvironmentFault`."""
-
-    def done(self, index: int) -> int:
-        """Return how many trials of a running piece are done; 0 if unknown."""
-
-    def stop(self) -> None:
-        """Give up all work."""
 
 
 class LocalWorkers:
     """Processes of this machine.
 
     Args:
+        config: The campaign.
         jobs: Their number.
         work: The pieces of work.
     """
 
-    def __init__(self, jobs: int, work: Sequence[Piece]) -> None:
+    def __init__(self, config: CampaignConfig, jobs: int, work: Sequence[Piece]) -> None:
+        self._config = config
         # With fork, a copy of a thread could hold a lock forever.
         context = multiprocessing.get_context("spawn")
         # Each piece of work has its own place: no lock that a dying process could keep.
@@ -71,23 +48,22 @@ class LocalWorkers:
             initargs=(self._done,),
         )
 
-    def start(self, config: CampaignConfig, piece: Piece) -> Future[Any]:
+    def start(self, piece: Piece) -> Future[ClassResult]:
         """Run one piece; see `Workers`."""
-        return self._pool.submit(_run_here, config, piece)
+        return self._pool.submit(_run_here, self._config, piece)
 
-    def result(self, future: Future[Any], config: CampaignConfig, piece: Piece) -> ClassResult:
+    def result(self, future: Future[ClassResult], piece: Piece) -> ClassResult:
         """Return the result of a piece; see `Workers`."""
         try:
-            found: ClassResult = future.result()
+            return future.result()
         except BrokenProcessPool as exc:
             raise EnvironmentFault(
                 "a process of the campaign died, as by os._exit() or a crash of the device; "
                 "--jobs 1 shows what a crash prints"
             ) from exc
-        return found
 
     def done(self, index: int) -> int:
-        """Return how many trials are done; see `Workers`."""
+        """Return how many trials of a running piece are done."""
         return self._done[index]
 
     def stop(self) -> None:
@@ -135,77 +111,6 @@ def _run_here(config: CampaignConfig, piece: Piece) -> ClassResult:
         _done[index] = done
 
     return run_trials(config, name, trials, on_trial)
-
-
-class ClusterWorkers:
-    """Workers of a Dask cluster, which runs a piece again if its worker dies.
-
-    Args:
-        address: Address of the scheduler, such as ``tcp://10.0.0.1:8786``.
-
-    Raises:
-        EnvironmentFault: Dask is missing, or the scheduler does not answer or has no worker.
-    """
-
-    def __init__(self, address: str) -> None:
-        try:
-            dask: Any = importlib.import_module("distributed")
-        except ImportError as exc:
-            raise EnvironmentFault(missing_package("--cluster", exc.name, "cluster")) from exc
-        try:
-            # Certificates for tls:// come from the configuration of Dask.
-            self._client = dask.Client(address, timeout=_CONNECT_S, set_as_default=False)
-        except Exception as exc:  # Dask has no common class of errors
-            raise EnvironmentFault(f"no Dask scheduler at {address!r}: {exc}") from exc
-        self._pool = self._client.get_executor(pure=False)
-        if not self.slots:
-            self.stop()
-            raise EnvironmentFault(f"the Dask scheduler at {address!r} has no worker")
-
-    @property
-    def slots(self) -> int:
-        """Threads of its workers, which join and leave at any time."""
-        return sum(self._client.nthreads().values())
-
-    def start(self, config: CampaignConfig, piece: Piece) -> Future[Any]:
-        """Run one piece; see `Workers`."""
-        future: Future[Any] = self._pool.submit(_run_there, config, piece)
-        return future
-
-    def result(self, future: Future[Any], config: CampaignConfig, piece: Piece) -> ClassResult:
-        """Return the result of a piece after checking it; see `Workers`."""
-        try:
-            version, part = future.result()
-        except FsnError:
-            raise
-        # Any exception may come from another machine: a dead worker, or a module missing there.
-        except Exception as exc:
-            raise EnvironmentFault(
-                f"a worker of the cluster failed: {type(exc).__name__}: {exc}"
-            ) from exc
-        if version != __version__:
-            raise EnvironmentFault(
-                f"a worker of the cluster has fsoe-net {version!r}, not {__version__}: install one "
-                "version on all machines"
-            )
-        if not is_of(part, config, piece):
-            raise EnvironmentFault("a worker of the cluster returned an invalid result")
-        found: ClassResult = part
-        return found
-
-    def done(self, index: int) -> int:
-        """Return 0: a cluster reports whole pieces; see `Workers`."""
-        return 0
-
-    def stop(self) -> None:
-        """Cancel all work and disconnect; see `Workers`."""
-        self._pool.shutdown(wait=False)  # cancels what runs or waits
-        self._client.close(timeout=_STOP_S)
-
-
-def _run_there(config: CampaignConfig, piece: Piece) -> tuple[str, ClassResult]:
-    _, name, trials = piece
-    return __version__, run_trials(config, name, trials)
 
 
 def is_of(part: object, config: CampaignConfig, piece: Piece) -> bool:

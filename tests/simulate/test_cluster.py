@@ -21,6 +21,7 @@ from fsoe_net.cli.main import main
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.report.campaign import to_json
 from fsoe_net.simulate import campaign, workers
+from fsoe_net.simulate import cluster as cluster_module
 from fsoe_net.simulate.campaign import campaign_links, run_campaign
 
 CONFIG = CampaignConfig(links=campaign_links(example("el6910")), seed=1)
@@ -119,7 +120,7 @@ def test_a_scheduler_without_workers_is_reported(scheduler):
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "127.0.0.1", "nowhere://x", ""])
 def test_an_address_without_a_scheduler_is_reported(address, monkeypatch):
     pytest.importorskip("distributed", reason="the extra cluster is not installed")
-    monkeypatch.setattr(workers, "_CONNECT_S", 0.2)
+    monkeypatch.setattr(cluster_module, "_CONNECT_S", 0.2)
     with pytest.raises(EnvironmentFault, match="no Dask scheduler at"):
         run_campaign(CONFIG, ("loss",), 10, cluster=address)
 
