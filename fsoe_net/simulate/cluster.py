@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import pickle
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from itertools import islice
@@ -90,6 +91,8 @@ class ClusterWorkers(Generic[P, R]):
         self._run, self._check = run, check
         try:
             dask: Any = importlib.import_module("distributed")
+            # Also takes functions of a program, which a worker cannot import.
+            self._dumps: Callable[[object], bytes] = importlib.import_module("cloudpickle").dumps
         except ImportError as exc:
             raise EnvironmentFault(missing_package("--cluster", exc.name, "cluster")) from exc
         try:
@@ -109,7 +112,9 @@ class ClusterWorkers(Generic[P, R]):
 
     def start(self, piece: P) -> Future[Any]:
         """Run one piece; see `Workers`."""
-        future: Future[Any] = self._pool.submit(_run_there, self._run, piece)
+        # A worker that lacks a module of a task ends. It can always read this one, and reports.
+        data = self._dumps(_Call(self._run, piece))
+        future: Future[Any] = self._pool.submit(pickle.loads, data)
         return future
 
     def result(self, future: Future[Any], piece: P) -> R:
@@ -137,6 +142,16 @@ class ClusterWorkers(Generic[P, R]):
         """Cancel all work and disconnect; see `Workers`."""
         self._pool.shutdown(wait=False)  # cancels what runs or waits
         self._client.close(timeout=_STOP_S)
+
+
+class _Call:
+    """A piece of work, run where it is unpickled, into its result."""
+
+    def __init__(self, *arguments: object) -> None:
+        self._arguments = arguments
+
+    def __reduce__(self) -> tuple[Callable[..., object], tuple[object, ...]]:
+        return _run_there, self._arguments
 
 
 def _run_there(run: Callable[[P], R], piece: P) -> tuple[str, R]:

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
 import signal
-import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
+from dask_cluster import one_scheduler, three_workers  # noqa: F401 - fixtures
 from networks import EXAMPLES, example
 from patience import PATIENCE_S
 
@@ -23,50 +22,10 @@ from fsoe_net.report.campaign import to_json
 from fsoe_net.simulate import campaign, workers
 from fsoe_net.simulate import cluster as cluster_module
 from fsoe_net.simulate.campaign import campaign_links, run_campaign
+from fsoe_net.simulate.cluster import ClusterWorkers, run_pieces
 
 CONFIG = CampaignConfig(links=campaign_links(example("el6910")), seed=1)
 NETWORK = str(EXAMPLES / "estop" / "network.yaml")
-
-
-def dask(command: str, *arguments: str) -> subprocess.Popen[bytes]:
-    module = f"distributed.cli.dask_{command}"
-    return subprocess.Popen(
-        [sys.executable, "-m", module, *arguments, "--no-dashboard", "--host", "127.0.0.1"],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
-
-
-@pytest.fixture
-def scheduler(tmp_path: Path) -> Iterator[tuple[str, Path]]:
-    """A scheduler without workers: its address and its file."""
-    pytest.importorskip("distributed", reason="the extra cluster is not installed")
-    file = tmp_path / "scheduler.json"
-    process = dask("scheduler", "--port", "0", "--scheduler-file", str(file))
-    end = time.monotonic() + PATIENCE_S
-    while not file.exists():
-        assert process.poll() is None
-        assert time.monotonic() < end
-        time.sleep(0.05)
-    yield json.loads(file.read_text("utf-8"))["address"], file
-    process.kill()
-    process.wait()
-
-
-@pytest.fixture
-def cluster(scheduler: tuple[str, Path]) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
-    """The address of a scheduler, and the processes of its three workers."""
-    from distributed import Client
-
-    address, file = scheduler
-    arguments = ("--scheduler-file", str(file), "--nthreads", "1", "--no-nanny")
-    processes = [dask("worker", *arguments) for _ in range(3)]
-    with Client(address, set_as_default=False) as client:
-        client.wait_for_workers(3, timeout=PATIENCE_S)
-    yield address, processes
-    for process in processes:
-        process.kill()
-        process.wait()
 
 
 @pytest.mark.weekly
@@ -109,6 +68,21 @@ def test_a_stopped_campaign_leaves_the_cluster_without_work(cluster, monkeypatch
         while any(client.processing().values()):
             assert time.monotonic() < end
             time.sleep(0.05)
+
+
+def test_a_module_that_is_missing_on_the_workers_is_named(cluster, tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "only_here.py").write_text("def run(piece):\n    return piece\n")
+    address, processes = cluster
+    run = importlib.import_module("only_here").run
+    there = ClusterWorkers[int, int](address, run, lambda _part, _piece: True)
+
+    def all_run(_running: object = None) -> None:
+        assert [process.poll() for process in processes] == [None, None, None]
+
+    with pytest.raises(EnvironmentFault, match="No module named 'only_here'"):
+        list(run_pieces([1], there, every_s=0.1, waiting=all_run))
+    all_run()
 
 
 def test_a_scheduler_without_workers_is_reported(scheduler):
