@@ -24,7 +24,7 @@ from fsoe_net.errors import InputError
 from fsoe_net.fsoe.config import MainConfig
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.simulate.cluster import ClusterWorkers, run_pieces
-from fsoe_net.simulate.kept_pieces import KeptPieces
+from fsoe_net.simulate.kept_pieces import KeptCampaign
 from fsoe_net.simulate.scenario_run import DEFAULT_CYCLE_NS
 from fsoe_net.simulate.setup import choose_setups
 from fsoe_net.simulate.workers import LocalWorkers, Piece, is_of
@@ -158,7 +158,7 @@ def run_campaign(
     if jobs is None:
         jobs = 1 if total <= _FEW else _cores()
     interrupted = False
-    with nullcontext() if resume is None else KeptPieces(resume, config, work) as kept:
+    with nullcontext() if resume is None else KeptCampaign(resume, config, work) as kept:
         parts = {} if kept is None else kept.parts
         for part in parts.values():
             reports.finished(part.injected, part.name)

@@ -1,6 +1,6 @@
-"""Completed pieces of a campaign in a file, from which an interrupted campaign continues.
+"""Completed pieces of work in a file, from which interrupted work continues.
 
-The first line identifies the campaign. Each further line is a piece: its number and its result.
+The first line identifies the work. Each further line is a piece: its number and its result.
 """
 
 from __future__ import annotations
@@ -9,12 +9,13 @@ import fcntl
 import hashlib
 import json
 import os
+from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import astuple, fields
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Generic, Self, TypeVar
 
 from fsoe_net.campaign.collision_proof import Collision
 from fsoe_net.campaign.trials import CampaignConfig, ClassResult, Failure, Shown
@@ -23,37 +24,54 @@ from fsoe_net.simulate.workers import Piece, is_of
 from fsoe_net.version import __version__
 
 _LINE_BYTES = 1 << 20  # a hundred proofs of a collision need 40 kB
+R = TypeVar("R")
 
 
-class KeptPieces:
+class KeptPieces(ABC, Generic[R]):
     """A file of completed pieces; a context manager that closes it.
 
     Args:
         path: The file; created if missing.
-        config: Connections and seed.
-        work: All pieces of the campaign.
+        work: All pieces, and whatever else their results depend on; identified by their `repr`.
+
+    Attributes:
+        kind: A noun for the work.
+        same: Values that must be equal to continue it.
+        parts: The results by the number of their piece.
 
     Raises:
-        InputError: The file is of another campaign, or a line of it is not a result of this one.
+        InputError: The file is of other work, or a line of it is not a result of this work.
         EnvironmentFault: The file cannot be opened, or another process has it open.
     """
 
-    def __init__(self, path: Path, config: CampaignConfig, work: Sequence[Piece]) -> None:
-        self._path, self._config, self._work = path, config, work
-        content = hashlib.sha256(repr((__version__, config)).encode())
-        for piece in work:
-            content.update(repr(piece).encode())
-        self._head = f"fsoe-net campaign {content.hexdigest()}\n".encode()
+    kind: str
+    same: str
+
+    def __init__(self, path: Path, *work: object) -> None:
+        self._path = path
+        content = hashlib.sha256(repr((__version__, *work)).encode())
+        self._head = f"fsoe-net {self.kind} {content.hexdigest()}\n".encode()
         with ExitStack() as stack:
             try:
                 self._file = stack.enter_context(path.open("a+b"))
                 fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError as exc:
-                raise EnvironmentFault(f"{path} is in use by another campaign") from exc
+                raise EnvironmentFault(f"{path} is in use by another {self.kind}") from exc
             except OSError as exc:
                 raise EnvironmentFault(f"cannot write {path}: {exc.strerror or exc}") from exc
             self.parts = self._read()
             stack.pop_all()  # no error: it stays open
+
+    @abstractmethod
+    def load(self, index: int, row: Any) -> R | None:
+        """Return the result in a row, or `None` if it is not of this piece.
+
+        Any other row raises a common exception of Python.
+        """
+
+    @abstractmethod
+    def row(self, part: R) -> Any:
+        """Return a result as data for JSON."""
 
     def __enter__(self) -> Self:
         return self
@@ -62,7 +80,7 @@ class KeptPieces:
         with suppress(OSError):  # of a full disk, which `add` has reported
             self._file.close()
 
-    def _read(self) -> dict[int, ClassResult]:
+    def _read(self) -> dict[int, R]:
         """Return the results by the number of their piece."""
         self._file.seek(0)
         head = self._file.readline(len(self._head))
@@ -71,10 +89,10 @@ class KeptPieces:
             return {}
         if head != self._head:
             raise InputError(
-                f"{self._path} is not of this campaign: network, faults, cycles, seed, devices and "
-                "version of fsoe-net must be those of its first run; name another file"
+                f"{self._path} is not of this {self.kind}: {self.same} must be those of its first "
+                "run; name another file"
             )
-        parts: dict[int, ClassResult] = {}
+        parts: dict[int, R] = {}
         number, whole = 1, len(head)
         while line := self._file.readline(_LINE_BYTES):
             number += 1
@@ -86,41 +104,56 @@ class KeptPieces:
             whole += len(line)
         return parts
 
-    def _piece(self, line: bytes, number: int) -> tuple[int, ClassResult]:
+    def _piece(self, line: bytes, number: int) -> tuple[int, R]:
+        part = None
         try:
             index, row = json.loads(line)
-            part = _part(row)
-            is_good = (
-                type(index) is int and index >= 0 and is_of(part, self._config, self._work[index])
-            )
+            if type(index) is int and index >= 0:
+                part = self.load(index, row)
         except (ValueError, TypeError, KeyError, IndexError, AttributeError, RecursionError):
-            is_good = False
-        if not is_good:
+            pass
+        if part is None:
             raise InputError(
-                f"{self._path}:{number}: not a result of this campaign; without this line its "
-                "faults are injected again"
+                f"{self._path}:{number}: not a result of this {self.kind}; without this line its "
+                "piece is run again"
             )
         return index, part
 
-    def add(self, index: int, part: ClassResult) -> None:
+    def add(self, index: int, part: R) -> None:
         """Append the result of a piece.
 
         Raises:
             EnvironmentFault: The disk is full, or the file cannot be written.
         """
         try:
-            self._file.write(json.dumps([index, _row(part)]).encode() + b"\n")
+            self._file.write(json.dumps([index, self.row(part)]).encode() + b"\n")
             self._file.flush()
         except OSError as exc:
             raise EnvironmentFault(f"cannot write {self._path}: {exc.strerror}") from exc
 
 
-def _row(part: ClassResult) -> dict[str, Any]:
-    return {field.name: getattr(part, field.name) for field in fields(part)} | {
-        "codes": sorted(part.codes.items()),
-        "failures": [astuple(failure) for failure in part.failures],
-        "shown": [_shown_row(one) for one in part.shown],
-    }
+class KeptCampaign(KeptPieces[ClassResult]):
+    """The completed pieces of a campaign."""
+
+    kind = "campaign"
+    same = "network, faults, cycles, seed, devices and version of fsoe-net"
+
+    def __init__(self, path: Path, config: CampaignConfig, work: Sequence[Piece]) -> None:
+        self._config, self._work = config, work
+        super().__init__(path, config, work)
+
+    def load(self, index: int, row: Any) -> ClassResult | None:
+        """Return the result of a piece; see `KeptPieces`."""
+        part = _part(row)
+        return part if is_of(part, self._config, self._work[index]) else None
+
+    def row(self, part: ClassResult) -> dict[str, Any]:
+        """Return a result as data; see `KeptPieces`."""
+        return {field.name: getattr(part, field.name) for field in fields(part)} | {
+            "codes": sorted(part.codes.items()),
+            "failures": [astuple(failure) for failure in part.failures],
+            "shown": [_shown_row(one) for one in part.shown],
+        }
 
 
 def _shown_row(one: Shown) -> list[Any]:
@@ -130,7 +163,6 @@ def _shown_row(one: Shown) -> list[Any]:
 
 
 def _part(row: dict[str, Any]) -> ClassResult:
-    """Return the result in a row; any other row raises a common exception of Python."""
     return ClassResult(
         **row
         | {

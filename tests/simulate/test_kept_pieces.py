@@ -176,10 +176,10 @@ def test_what_cannot_be_written_is_named(kept: Path, tmp_path: Path) -> None:
             run(file)
     assert (tmp_path / "other").read_text("utf-8") == "of a user\n"
     with (
-        campaign.KeptPieces(tmp_path / "new", CONFIG, []),
+        campaign.KeptCampaign(tmp_path / "new", CONFIG, []),
         pytest.raises(EnvironmentFault, match="in use by another campaign"),
     ):
-        campaign.KeptPieces(tmp_path / "new", CONFIG, [])
+        campaign.KeptCampaign(tmp_path / "new", CONFIG, [])
 
 
 def test_a_full_disk_is_named_and_what_fits_is_kept(kept: Path, whole: CampaignResult) -> None:
@@ -203,10 +203,10 @@ def test_failures_and_proofs_of_collisions_are_kept(tmp_path: Path) -> None:
         shown=[Shown(trial=9, link=link, proof=proof)],
         expected=1 / 3,
     )
-    with campaign.KeptPieces(tmp_path / "kept", CONFIG, work) as kept:
+    with campaign.KeptCampaign(tmp_path / "kept", CONFIG, work) as kept:
         assert kept.parts == {}
         kept.add(0, part)
-    with campaign.KeptPieces(tmp_path / "kept", CONFIG, work) as kept:
+    with campaign.KeptCampaign(tmp_path / "kept", CONFIG, work) as kept:
         assert kept.parts == {0: part}
 
 
