@@ -27,6 +27,7 @@ def test_the_worst_of_several_seeds_is_found(tmp_path):
         assert worst[at] == (rows[first], SEEDS[first])
 
 
+@pytest.mark.weekly
 def test_a_cluster_finds_the_same_even_if_a_worker_dies(cluster, monkeypatch):
     address, (first, *others) = cluster
     work = pieces(400, SEEDS)

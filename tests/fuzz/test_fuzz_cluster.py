@@ -28,6 +28,7 @@ def hashes(*inputs: bytes) -> list[str]:
     return sorted(sha1(data).hexdigest() for data in inputs)
 
 
+@pytest.mark.weekly
 def test_inputs_and_crashes_of_all_workers_are_merged(cluster, tmp_path, monkeypatch, capsys):
     address, (first, *_) = cluster
     (tmp_path / "crashes").mkdir()
@@ -63,6 +64,7 @@ def test_inputs_and_crashes_of_all_workers_are_merged(cluster, tmp_path, monkeyp
     assert names(tmp_path / "crashes") == [f"scan-crash-{sha1(b'bad').hexdigest()}"]
 
 
+@pytest.mark.weekly
 def test_a_worker_fuzzes_from_the_inputs_that_it_got():
     pytest.importorskip("atheris", reason="the extra fuzz is not installed")
     found = run_piece(PIECE)
