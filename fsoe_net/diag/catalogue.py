@@ -8,8 +8,7 @@ both.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.guesses import guesses
 
 

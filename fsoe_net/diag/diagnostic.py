@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, NamedTuple
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.catalogue import code_info
 from fsoe_net.diag.printable import printable
 

@@ -7,9 +7,9 @@ import os
 import re
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
 from xml.parsers import expat
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.diagnostic import Related, Span
 from fsoe_net.errors import InputError
 from fsoe_net.formats.registry import Format, Signature, Yields, all_formats, function_of

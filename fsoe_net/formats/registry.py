@@ -12,10 +12,11 @@ import functools
 import importlib
 import pkgutil
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Any
 
 from fsoe_net import formats
+from fsoe_net.dataclass import dataclass
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.ring import fits_on_bus
 from fsoe_net.formats.shared.source import Source

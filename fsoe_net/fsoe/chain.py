@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.fsoe.crc import frame_crcs, solve_sequence
 from fsoe_net.fsoe.pdu import Command, Pdu, assemble
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.errors import ConfigError
 from fsoe_net.fsoe.pdu import SAFE_SIZES
 

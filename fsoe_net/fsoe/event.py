@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
+
+from fsoe_net.dataclass import dataclass
 
 
 class State(enum.Enum):

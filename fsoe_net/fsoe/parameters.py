@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import Protocol
+
+from fsoe_net.dataclass import dataclass
 
 STATED_PARAMETERS = ("connection_id", "address", "watchdog_ms", "app_parameters")
 """Parameters that a plan states, in the order of the bits in the C core."""

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.model.bus import Located
 from fsoe_net.model.network import SourceFile
 from fsoe_net.model.safety import SafetyFunction

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.diagnostic import Span
 
 if TYPE_CHECKING:

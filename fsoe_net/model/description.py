@@ -7,8 +7,9 @@ be only a type without a place in the ring.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.model.bus import Device, Direction, Located, Pdo, RobotComponent
 
 

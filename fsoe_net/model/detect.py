@@ -17,8 +17,8 @@ empty, translated or swapped.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.model.bus import Entry, Pdo, SyncManager
 from fsoe_net.model.layout import (
     FsoeBlock,

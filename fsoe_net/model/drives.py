@@ -9,9 +9,10 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.model.bus import Device, Direction, Entry, Located
 from fsoe_net.model.layout import DeviceLayout, Placed

@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import enum
 from collections import defaultdict
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from itertools import islice, product
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.model.bus import Located, SubDevice
 from fsoe_net.model.layout import FramePair, FsoeBlock
 from fsoe_net.model.network import (

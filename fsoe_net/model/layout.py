@@ -9,11 +9,11 @@ one in its own direction.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import zip_longest
 from typing import NamedTuple
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.fsoe.pdu import safe_byte_offset, safe_data_length
 from fsoe_net.model.bus import Device, Direction, Entry, Pdo, SyncManager
 

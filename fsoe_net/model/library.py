@@ -6,9 +6,9 @@ The library is used for proposals and explanations. The device and its files tak
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import Enum
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.words import counted
 from fsoe_net.fsoe.pdu import safe_data_length
 from fsoe_net.model.bus import Device, Direction, Entry, Located, Pdo, SyncManager

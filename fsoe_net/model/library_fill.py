@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.model.answers import Answers, Ask, Question
 from fsoe_net.model.description import DescribedSubDevice
 from fsoe_net.model.joined_descriptions import has_layout

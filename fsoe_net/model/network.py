@@ -5,9 +5,10 @@ from __future__ import annotations
 import enum
 import itertools
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.model.bus import Located, SubDevice
 from fsoe_net.model.report_facts import ReportFacts

@@ -15,8 +15,8 @@ candidates, for a person to decide.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.model.layout import DeviceLayout, FsoeBlock
 
 

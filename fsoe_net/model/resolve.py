@@ -7,9 +7,9 @@ ones.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.pause import without_collector
 from fsoe_net.model.bus import Direction, SubDevice, same_devices
 from fsoe_net.model.expand import NotExpanded, Obstacle, expand

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+from fsoe_net.dataclass import dataclass
 from fsoe_net.model.bus import Located, RobotComponent
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.model.bus import Device, Entry, EntryView, RobotComponent, SubDevice
 

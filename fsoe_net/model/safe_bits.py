@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.fsoe.pdu import is_frame_length, safe_byte_offset, safe_data_length
 from fsoe_net.model.resolve import Connection, Resolution
 from fsoe_net.model.safety import ElementKind, SafeBit, SafetyElement, SafetyFunction

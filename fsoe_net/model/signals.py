@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.model.bus import Entry
 from fsoe_net.model.layout import SmLayout
 from fsoe_net.model.resolve import Connection

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.model.bus import Located
 from fsoe_net.model.written import holds_a_place, says_something
 

@@ -9,8 +9,8 @@ than following SubDevices, the last cable returns to the MainDevice: a ring.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.model.scan import Scan, ScannedSubDevice
 
 _ORDER = (3, 1, 2)

@@ -6,10 +6,11 @@ import math
 import struct
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import accumulate
 from typing import TypeVar
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.pause import without_collector
 from fsoe_net.errors import InputError
 from fsoe_net.fsoe.pdu import safe_data_length

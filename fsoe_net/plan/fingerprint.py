@@ -11,9 +11,9 @@ import hashlib
 import re
 import struct
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import chain, islice
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.pause import without_collector
 from fsoe_net.errors import PlanFormatError
 from fsoe_net.model.safety import SafetyElement, SafetyFunction

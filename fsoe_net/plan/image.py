@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+from fsoe_net.dataclass import dataclass
 from fsoe_net.plan.model import Plan
 
 # IgH splits a domain into datagrams between FMMUs, at this many bytes (EC_MAX_DATA_SIZE).

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import os
 import zlib
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.words import counted
 from fsoe_net.errors import InputError, PlanFormatError
 from fsoe_net.fsoe.parameters import FsoeParameters

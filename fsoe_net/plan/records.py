@@ -7,7 +7,8 @@
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
+
+from fsoe_net.dataclass import dataclass
 
 STRING_BYTES = 1
 HASH_BYTES = 32

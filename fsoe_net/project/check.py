@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.diagnostic import Diagnostic, Severity, sort_diagnostics
 from fsoe_net.diag.words import summary
 from fsoe_net.errors import InputError

@@ -6,8 +6,8 @@ import enum
 import os
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.formats.own.acceptance import is_acceptance
 from fsoe_net.formats.recognise import head_of, recognise
 from fsoe_net.formats.shared.files import Collector

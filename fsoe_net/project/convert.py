@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.diagnostic import Diagnostic, Severity, sort_diagnostics
 from fsoe_net.errors import InputError
 from fsoe_net.formats.esi.wanted import load_devices

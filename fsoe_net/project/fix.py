@@ -5,8 +5,8 @@ from __future__ import annotations
 import difflib
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.diagnostic import Diagnostic, Edit
 from fsoe_net.formats.own.patch import patch_yaml
 from fsoe_net.formats.shared.files import STDIN, read_unchanged

@@ -11,9 +11,9 @@ import os
 import platform
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.version import __version__
 
 _PACKAGE = Path(__file__).parents[1]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.pause import without_collector
 from fsoe_net.errors import InputError
 from fsoe_net.formats.own.acceptance import is_acceptance, load_acceptance

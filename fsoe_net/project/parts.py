@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+from fsoe_net.dataclass import dataclass
 from fsoe_net.model.bus import SubDevice
 from fsoe_net.model.network import Endpoint, NetworkConfig, TransferKind
 from fsoe_net.model.resolve import Connection, Resolution

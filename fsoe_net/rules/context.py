@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, KeysView, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.diagnostic import FindingList
 from fsoe_net.diag.guesses import Guesses, one_of
 from fsoe_net.model.bus import Device, SubDevice

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.diagnostic import Related, Severity, Span
 from fsoe_net.model.bus import Device, Entry, SubDevice
 from fsoe_net.model.drives import (

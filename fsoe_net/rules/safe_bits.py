@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.diagnostic import FindingList, Related
 from fsoe_net.model.safe_bits import ElementFrame, element_frames, frame_of, frame_words
 from fsoe_net.model.safety import ElementKind, SafeBit, SafetyElement, SafetyFunction

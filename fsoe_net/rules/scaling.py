@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.diagnostic import Related, Severity
 from fsoe_net.model.bus import Entry, SubDevice
 from fsoe_net.model.drives import (

@@ -9,8 +9,8 @@ A value that is not stated stays open and is reported; a missing value never cou
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.model.library import Library
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.timing.elements import parts_of

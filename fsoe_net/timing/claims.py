@@ -8,8 +8,8 @@ diagnostic coverage, common causes and software are not assessed.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.model.safety import SafetyElement, SafetyFunction
 from fsoe_net.timing.elements import FunctionParts
 from fsoe_net.timing.judgement import Judgement

@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.model.bus import SubDevice
 from fsoe_net.model.library import Library, LibraryDevice
 from fsoe_net.model.resolve import Connection, Resolution

@@ -23,7 +23,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
+
+from fsoe_net.dataclass import dataclass
 
 RESERVE = 1.2  # the 20 % that ETG.5100 adds to the round trip
 _WATCHDOG_STEP_MS = 1.0  # FSoE watchdogs are whole milliseconds; the last one may have just begun

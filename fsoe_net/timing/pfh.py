@@ -9,8 +9,7 @@ charges 1.00E-09 per hour for Safety over EtherCAT, once per safety function.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+from fsoe_net.dataclass import dataclass
 from fsoe_net.model.safety import SafetyFunction
 from fsoe_net.timing.elements import FunctionParts
 from fsoe_net.timing.judgement import Judgement

@@ -5,8 +5,7 @@ A value that is not stated stays open and is reported; a missing value never cou
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+from fsoe_net.dataclass import dataclass
 from fsoe_net.model.safety import SafetyFunction
 from fsoe_net.timing.claims import LevelClaim, level_claims
 from fsoe_net.timing.elements import FunctionParts

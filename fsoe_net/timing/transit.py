@@ -9,8 +9,8 @@ two directions between two buses differ (`docs/explanation/timing.md`).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.model.bus import SubDevice
 from fsoe_net.model.network import NetworkConfig
 

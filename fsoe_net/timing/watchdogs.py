@@ -10,8 +10,8 @@ The smaller of the two maxima counts; an empty interval is an error.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.model.resolve import Connection
 from fsoe_net.timing.formulas import (
     RESERVE,

@@ -12,9 +12,9 @@ import io
 import struct
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import BinaryIO, cast
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.errors import InputError
 
 _PCAP = {

@@ -7,7 +7,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
+
+from fsoe_net.dataclass import dataclass
 
 _COE, _REQUEST, _RESPONSE = 3, 2, 3
 _MAX_BYTES = 1 << 16

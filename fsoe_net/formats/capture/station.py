@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.formats.capture.sdo import CapturedSdo, SdoAbort, SdoFollower
 from fsoe_net.formats.capture.sii import SII_REGISTERS, SiiReads
 from fsoe_net.model.bus import Direction

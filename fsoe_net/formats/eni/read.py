@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.diagnostic import Related, Span
 from fsoe_net.formats.eni.read_image import ImageMap, copies_of, header_bits, map_images
 from fsoe_net.formats.eni.read_parts import EniParts, read_cyclic, read_image

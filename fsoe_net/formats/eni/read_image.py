@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Iterable
-from dataclasses import dataclass
 from itertools import pairwise
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.diagnostic import Related, Span
 from fsoe_net.formats.eni.read_parts import CyclicCommand, EniParts, Fmmu, RawCopy, Window
 from fsoe_net.formats.eni.read_subdevice import EniSlave

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import codecs
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import field
 from xml.parsers import expat
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.diagnostic import Severity, sort_diagnostics
 from fsoe_net.diag.words import counted
 from fsoe_net.errors import InputError

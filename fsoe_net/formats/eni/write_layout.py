@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.errors import InputError
 from fsoe_net.model.bus import Direction
 from fsoe_net.model.description import DescribedSubDevice, Description

@@ -10,9 +10,10 @@ import codecs
 import os
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from xml.parsers import expat
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.diagnostic import Severity, Span
 from fsoe_net.formats.recognise import words_of_root
 from fsoe_net.formats.shared.files import Collector

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.diagnostic import Related, Severity, Span
 from fsoe_net.diag.words import counted
 from fsoe_net.formats.esi.catalogue import EsiRow

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.diagnostic import Severity, Span
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.source import esi_number

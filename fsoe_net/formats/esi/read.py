@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.diagnostic import Severity, Span
 from fsoe_net.diag.guesses import guesses, one_of
 from fsoe_net.diag.words import counted, listed

@@ -9,8 +9,9 @@ from __future__ import annotations
 import re
 import struct
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.diagnostic import Severity, Span
 from fsoe_net.formats.igh import CSTRUCT
 from fsoe_net.formats.igh.read_cstruct import read_cstruct

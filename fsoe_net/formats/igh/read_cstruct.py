@@ -8,8 +8,9 @@ refers to it and by its ``+ offset``, never by its expected name.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import field
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.formats.shared.terminal_text import Line, Pasted
 from fsoe_net.model.bus import Device, Direction, Entry, Pdo, SyncManager, Watchdog

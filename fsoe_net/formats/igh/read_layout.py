@@ -6,8 +6,9 @@ Indentation is ignored, because it is lost when text is pasted.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import field
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.formats.shared.terminal_text import Line, Pasted, PrintedManager
 from fsoe_net.model.bus import Device, Direction, Entry, Sdo, Watchdog

@@ -7,8 +7,9 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import field
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.diagnostic import Related, Span
 from fsoe_net.diag.words import counted, listed
 from fsoe_net.formats.recognise import is_format

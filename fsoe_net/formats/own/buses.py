@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.formats.own.schema import MOST_UNKNOWN, nearest_keys
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.numbers import read_float, record_of

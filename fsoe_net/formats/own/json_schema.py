@@ -9,9 +9,10 @@ from __future__ import annotations
 import functools
 import json
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+from fsoe_net.dataclass import dataclass
 
 LEFT_TO_READERS = frozenset(
     {"pattern", "minimum", "maximum", "exclusiveMinimum", "minLength", "uniqueItems"}

@@ -5,10 +5,11 @@ from __future__ import annotations
 import itertools
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.diagnostic import Diagnostic, Severity, Span, sort_diagnostics
 from fsoe_net.diag.guesses import guesses
 from fsoe_net.diag.pause import without_collector

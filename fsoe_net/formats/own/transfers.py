@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.diagnostic import Related, Severity, Span
 from fsoe_net.formats.own.schema import nearest_keys
 from fsoe_net.formats.shared.files import Collector

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.model.bus import RobotComponent
 from fsoe_net.model.description import DescribedSubDevice
 from fsoe_net.model.drives import CONTROLWORD, MODE_OF_OPERATION, driver_facts, switches_states

@@ -9,8 +9,8 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.yaml_tree import MapNode, Node, ScalarNode, SeqNode

@@ -5,8 +5,9 @@ from __future__ import annotations
 import itertools
 import os
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.diagnostic import Diagnostic, Related, Severity, Span
 from fsoe_net.diag.words import listed
 from fsoe_net.formats.own.options import LoadOptions

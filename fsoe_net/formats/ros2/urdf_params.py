@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection
-from dataclasses import dataclass, field
+from dataclasses import field
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.diagnostic import Diagnostic, Related, Severity, Span
 from fsoe_net.diag.guesses import guesses, one_of
 from fsoe_net.formats.shared.files import Collector

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.diagnostic import Related
 from fsoe_net.formats.ros2.urdf_params import (
     DRIVER_PLUGIN,

@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from xml.sax.saxutils import escape, quoteattr
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.formats.ros2.control_axis import (
     AXIS_REQUESTS,
     ControlAxis,

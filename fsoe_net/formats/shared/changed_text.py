@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_left
-from dataclasses import dataclass
 from typing import Any
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.formats.shared.yaml_parts import Part, PartRow, ReadText, is_same
 from fsoe_net.formats.shared.yaml_words import in_brackets, in_lines, is_empty, scalar
 

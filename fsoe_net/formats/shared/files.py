@@ -11,8 +11,9 @@ import stat
 import sys
 from collections.abc import Iterator, Mapping
 from contextvars import ContextVar
-from dataclasses import dataclass, field
+from dataclasses import field
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.diagnostic import FindingList, Span
 from fsoe_net.errors import InputError
 from fsoe_net.formats.shared.limits import MAX_FILE_BYTES, MAX_LARGE_BYTES

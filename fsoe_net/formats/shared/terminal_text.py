@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.limits import MAX_PASTED_BYTES

@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.errors import InputError
 from fsoe_net.model.bus import Entry, same_devices
 from fsoe_net.model.description import DescribedCopy, DescribedEnd, Description

@@ -8,12 +8,12 @@ from __future__ import annotations
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import islice
 from typing import Any, NoReturn
 
 import yaml
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.diagnostic import Related, Span
 from fsoe_net.formats.shared.files import Collector
 

@@ -11,13 +11,14 @@ import os
 import re
 from array import array
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import lru_cache
 from itertools import islice
 from typing import Any
 
 import yaml
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.diagnostic import Related, Severity, Span
 from fsoe_net.diag.printable import first_control
 from fsoe_net.formats.shared.files import Collector, read_bytes

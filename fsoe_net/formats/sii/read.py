@@ -12,10 +12,11 @@ words and a body; type 0xFFFF ends them:
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import crcmod
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.diagnostic import Severity, Span
 from fsoe_net.errors import InputError
 from fsoe_net.formats.recognise import beginning

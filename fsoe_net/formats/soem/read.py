@@ -7,8 +7,9 @@ in the map are hexadecimal. PDO numbers are only in maps from the SII.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import field
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.formats.recognise import is_format
 from fsoe_net.formats.shared.files import Collector

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.diagnostic import Severity, Span
 from fsoe_net.diag.words import counted
 from fsoe_net.formats.shared.files import Collector

@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
+from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.diagnostic import Severity
 from fsoe_net.diag.words import counted, listed
 from fsoe_net.formats.recognise import is_format
