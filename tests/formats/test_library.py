@@ -52,6 +52,12 @@ def read(text: str) -> tuple[object, list[str]]:
     return device, [f"{d.code} {d.span.line} {d.message}" for d in out.diagnostics]
 
 
+def test_each_word_of_a_list_is_checked():
+    device, found = read(f"functions: [lamp, drive]\n{OWN}")
+    assert (device, len(found)) == (None, 1)
+    assert found[0].startswith("FSN116 1 functions 1 is 'lamp'; allowed: ")
+
+
 @pytest.mark.parametrize("name", FILES)
 def test_each_device_of_the_package_is_what_it_states(name):
     out = Collector()

@@ -146,6 +146,10 @@ MISTAKES = {
     ),
     "window nan": ("version: 1\nexpect: [{during_ms: [.nan, 1], state: data}]\n", ["2:23 FSN113"]),
     "window too short": ("version: 1\nexpect: [{during_ms: [1], state: data}]\n", ["2:22 FSN111"]),
+    "window of three": (
+        "version: 1\nexpect: [{during_ms: [1, 2.5, 3], state: data}]\n",
+        ["2:22 FSN111"],
+    ),
     "swap one": ("version: 1\nsteps: [{at_ms: 1, swap: [a]}]\n", ["2:26 FSN111"]),
     "swap with itself": ("version: 1\nsteps: [{at_ms: 1, swap: [a, a]}]\n", ["2:26 FSN113"]),
     "wrong without product": (

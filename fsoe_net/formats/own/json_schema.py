@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import functools
 import json
+import os
 from collections.abc import Callable, Iterator, Mapping
-from pathlib import Path
 from typing import Any
 
 from fsoe_net.dataclass import dataclass
@@ -28,6 +28,7 @@ _TYPES: Mapping[str, tuple[type, ...]] = {
     "number": (int, float),
     "integer": (int,),
 }
+_ABOVE = ("../../../..", "../../..")  # the source tree, the package
 
 Steps = tuple[str | int, ...]
 
@@ -58,13 +59,10 @@ def read_schema(name: str) -> dict[str, Any]:
     Raises:
         FileNotFoundError: Unknown schema; the installation is damaged.
     """
-    file = f"{name}.schema.json"
-    in_source = Path(__file__).parents[3] / "schemas" / file
-    if in_source.is_file():  # a source tree, also for an editable installation
-        text = in_source.read_text("utf-8")
-    else:
-        text = (Path(__file__).parents[2] / "schemas" / file).read_text("utf-8")
-    loaded: dict[str, Any] = json.loads(text)
+    # First a source tree, also for an editable installation.
+    paths = (os.path.normpath(f"{__file__}/{up}/schemas/{name}.schema.json") for up in _ABOVE)
+    with open(next(filter(os.path.isfile, paths), name), encoding="utf-8") as stream:
+        loaded: dict[str, Any] = json.load(stream)
     return loaded
 
 
@@ -83,8 +81,8 @@ def _errors(
 ) -> Iterator[SchemaError]:
     for keyword, wanted in schema.items():
         if keyword == "$ref":
-            other, referred = _referred(wanted, name)
-            yield from _errors(value, referred, other, path)
+            other, part = referred(wanted, name)
+            yield from _errors(value, part, other, path)
         elif isinstance(value, dict):
             yield from _of_object(keyword, value, schema, name, path)
         elif keyword == "items" and isinstance(value, list):
@@ -116,8 +114,11 @@ def _of_object(
                 yield SchemaError(keyword=keyword, path=path, schema=schema, value=value, key=key)
 
 
-def _referred(reference: str, name: str) -> tuple[str, Mapping[str, Any]]:
-    """Return the schema for a reference, such as ``transfers.schema.json#/$defs/net``."""
+def referred(reference: str, name: str) -> tuple[str, Mapping[str, Any]]:
+    """Return the name and the part of the schema for a reference in the schema ``name``.
+
+    A reference is, for example, ``transfers.schema.json#/$defs/net``.
+    """
     file, _, place = reference.partition("#")
     name = file.removesuffix(".schema.json") or name
     part: Mapping[str, Any] = read_schema(name)

@@ -10,13 +10,12 @@ from __future__ import annotations
 
 import functools
 import itertools
-import json
 import re
 from typing import TYPE_CHECKING, Any
 
 from fsoe_net.diag.diagnostic import Severity
 from fsoe_net.diag.guesses import extends, guesses, near_misses, one_of
-from fsoe_net.formats.own.json_schema import SchemaError, read_schema, schema_errors
+from fsoe_net.formats.own.json_schema import SchemaError, read_schema, referred, schema_errors
 from fsoe_net.formats.shared.numbers import decimal_comma
 from fsoe_net.formats.shared.yaml_tree import MapNode, Node, ScalarNode, SeqNode
 
@@ -94,19 +93,6 @@ def refuse_kind(root: MapNode, kind: str, wanted: str, code: str, out: Collector
     out.add(code, root.span, f"this is {what}, not {_NAMED[wanted][0]}", hint=hint)
 
 
-@functools.cache
-def _schemas_of(name: str) -> tuple[dict[str, Any], ...]:
-    """Return a schema and the schemas that it refers to, each once."""
-    found: dict[str, dict[str, Any]] = {}
-    pending = [name]
-    while pending:
-        name = pending.pop()
-        if name not in found:
-            found[name] = read_schema(name)
-            pending += re.findall(r'"([a-z]+)\.schema\.json#', json.dumps(found[name]))
-    return tuple(found.values())
-
-
 def schema_keys(name: str) -> frozenset[str]:
     """Return the top-level keys that a schema allows."""
     return frozenset(read_schema(name)["properties"])
@@ -131,7 +117,7 @@ def check_structure(root: MapNode, name: str, out: Collector) -> bool:
     if other is not None and other != name:
         refuse_kind(root, other, name, "FSN140", out)
         return False
-    sample = _Shapes(_worded_keys(name)).sample(root)
+    sample = _Forms(_worded_keys(name)).sample(root)
     if next(schema_errors(sample, name), None) is None:
         return True  # the usual case: thousands of transfers of one form, checked once
     of_driver = name in _OF_DRIVER
@@ -145,60 +131,77 @@ def check_structure(root: MapNode, name: str, out: Collector) -> bool:
 
 @functools.cache
 def _worded_keys(name: str) -> frozenset[str]:
-    """Return the keys whose values the schema checks, not only their types."""
+    """Return the keys whose values, or parts of them, the schema compares with words."""
     found: set[str] = set()
-    pending: list[Any] = list(_schemas_of(name))
+    pending: list[tuple[str, str, Mapping[str, Any]]] = [("", name, read_schema(name))]
+    followed: set[tuple[str, str, str]] = set()
     while pending:
-        part = pending.pop()
-        if isinstance(part, dict):
-            for key, value in part.items():
-                if isinstance(value, dict) and {"enum", "const"} & set(value):
-                    found.add(key)
-                pending.append(value)
-        elif isinstance(part, list):
-            pending.extend(part)
+        key, name, part = pending.pop()
+        if "enum" in part or "const" in part:
+            found.add(key)
+        pending += [(k, name, inner) for k, inner in part.get("properties", {}).items()]
+        inner = [part[word] for word in ("items", "additionalProperties") if word in part]
+        pending += [(key, name, one) for one in inner if isinstance(one, dict)]
+        if "$ref" in part and (key, name, part["$ref"]) not in followed:
+            followed.add((key, name, part["$ref"]))
+            pending.append((key, *referred(part["$ref"], name)))
     return frozenset(found)
 
 
-class _Shapes:
+class _Forms:
     """Numbers the forms of values; values of one form have the same keys and types throughout."""
 
     def __init__(self, worded: frozenset[str]) -> None:
         self._worded = worded
         self._numbers: dict[object, int] = {}
-        self._kinds: dict[tuple[str, bool], int] = {}
+        self._samples: list[Any] = []  # a plain value of each form
+        self._scalars: dict[tuple[str, bool], int] = {}
 
-    def sample(self, node: Node) -> Any:
-        """Return the document as plain values; its lists contain one item of each form."""
-        if isinstance(node, MapNode):
-            return {key: self.sample(value) for key, value in node.pairs.items()}
-        if isinstance(node, SeqNode):
-            kept = {self._of(item): item for item in node.items}
-            return [self.sample(item) for item in kept.values()]
-        return _plain(node)
+    def sample(self, root: Node) -> Any:
+        """Return the document as plain values; its lists contain one map or list of each form."""
+        return self._samples[self._of(root)]
 
     def _of(self, node: Node, key: str = "") -> int:
-        shape: object
         if isinstance(node, ScalarNode):
-            if key not in self._worded:
-                return self._kind(node)
-            shape = _plain(node)
-            # 1 equals True in Python, so the type is part of the shape.
-            shape = (type(shape), shape)
-        elif isinstance(node, MapNode):
+            return self._of_scalar(node, is_worded=key in self._worded)
+        if isinstance(node, MapNode):
             pairs = node.pairs
-            shape = (*pairs, *[self._of(value, name) for name, value in pairs.items()])
+            above = key if key in self._worded else ""
+            parts = [self._of(value, above or name) for name, value in pairs.items()]
+            form: object = (*pairs, *parts)
         else:
-            shape = frozenset([self._of(item) for item in node.items])
-        return self._numbers.setdefault(shape, len(self._numbers))
+            pairs = None
+            parts = [self._of(item, key) for item in node.items]
+            # The number of scalars in a list may be limited.
+            if not all(isinstance(item, ScalarNode) for item in node.items):
+                parts = sorted(set(parts))
+            form = (None, *parts)
+        number = self._numbers.get(form)
+        if number is None:
+            values = [self._samples[part] for part in parts]
+            sample = values if pairs is None else dict(zip(pairs, values, strict=True))
+            number = self._new(form, sample)
+        return number
 
-    def _kind(self, node: ScalarNode) -> int:
-        known = self._kinds.get((node.text, node.plain))
-        if known is None:
-            kind = type(_plain(node))
-            known = self._numbers.setdefault(kind, len(self._numbers))
-            self._kinds[node.text, node.plain] = known
-        return known
+    def _of_scalar(self, node: ScalarNode, *, is_worded: bool) -> int:
+        spelling = (node.text, node.plain)
+        number = None if is_worded else self._scalars.get(spelling)
+        if number is None:
+            value = _plain(node)
+            # JSON Schema counts 2.0 as an integer. 1 equals True in Python.
+            is_whole = isinstance(value, float) and value.is_integer()
+            form = (type(value), value if is_worded else is_whole)
+            number = self._numbers.get(form)
+            if number is None:
+                number = self._new(form, value)
+            if not is_worded:
+                self._scalars[spelling] = number
+        return number
+
+    def _new(self, form: object, sample: Any) -> int:
+        self._samples.append(sample)
+        self._numbers[form] = len(self._numbers)
+        return self._numbers[form]
 
 
 def _plain(node: Node) -> Any:
