@@ -94,14 +94,64 @@ def test_types_of_connections_only_get_fewer():
     assert len(names) <= 12, names
 
 
-def test_check_needs_neither_compiled_part_nor_heavy_imports():
-    code = (
-        "import sys, fsoe_net.cli.check\n"
-        "bad = {'fsoe_net.core', 'fsoe_net.live', 'rich', 'xacro', 'cffi'} & set(sys.modules)\n"
-        "sys.exit(str(bad) if bad else 0)"
+CHECK = """
+import sys
+known = set(sys.modules)
+from fsoe_net.cli.main import main
+sys.argv = ["fsoe-net", "check", "examples/estop/network.yaml"]
+try:
+    main()
+finally:
+    print(*sorted({*sys.modules} - known))
+"""
+NOT_NEEDED = {
+    *("fsoe_net.core", "fsoe_net.live", "rich", "xacro", "cffi"),
+    # Only for several files, for findings, for files of other tools.
+    *("fsoe_net.project.references", "fsoe_net.project.findings", "fsoe_net.formats.recognise"),
+    *("fsoe_net.compare", "fsoe_net.plan", "fsoe_net.document", "fsoe_net.report"),
+    *(
+        "xml",
+        "pathlib",
+        "urllib",
+        "logging",
+        "subprocess",
+        "tempfile",
+        "socket",
+        "importlib.metadata",
+    ),
+}
+
+
+def test_check_imports_only_what_it_needs():
+    done = subprocess.run(
+        [sys.executable, "-c", CHECK], capture_output=True, text=True, check=True, cwd=ROOT
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    imported = set(done.stdout.splitlines()[-1].split())
+    assert "fsoe_net.rules.check" in imported
+    assert not imported & NOT_NEEDED
+    formats = {name.split(".")[2] for name in imported if name.startswith("fsoe_net.formats.")}
+    assert formats == {"own", "registry", "shared"}
+
+
+COLLECTED = """
+import gc, sys
+from fsoe_net.cli import start
+sys.argv = ["fsoe-net", "check", "examples/estop/network.yaml"]
+before = gc.get_stats()[0]["collections"]
+try:
+    start()
+finally:
+    print(gc.get_stats()[0]["collections"] - before, gc.get_freeze_count())
+"""
+
+
+def test_the_collector_searches_modules_neither_at_the_start_nor_at_the_exit():
+    done = subprocess.run(
+        [sys.executable, "-c", COLLECTED], capture_output=True, text=True, check=True, cwd=ROOT
+    )
+    collections, frozen = map(int, done.stdout.splitlines()[-1].split())
+    assert collections < 5
+    assert frozen > 10_000
 
 
 def test_texts_reach_the_terminal_through_one_function():

@@ -15,7 +15,6 @@ from fsoe_net.diag.catalogue import CATALOGUE
 from fsoe_net.diag.diagnostic import Diagnostic, Severity
 from fsoe_net.diag.words import counted, summary
 from fsoe_net.project.check import Checked
-from fsoe_net.project.findings import finding_text, github_line, json_document, sarif_document
 from fsoe_net.rules.runtime import Runtime
 
 if TYPE_CHECKING:
@@ -48,6 +47,11 @@ def print_diagnostics(
         err: Print to standard error.
         runtime: Adds how this runtime handles each mistake today.
     """
+    if not diagnostics and fmt == "text":
+        return
+    # Imports what only findings need.
+    from fsoe_net.project.findings import github_line, json_document, sarif_document
+
     if fmt in ("json", "sarif"):
         document = json_document if fmt == "json" else sarif_document
         echo(json.dumps(document(diagnostics, runtime), indent=2, ensure_ascii=False), err=err)
@@ -60,6 +64,8 @@ def print_diagnostics(
 
 def _print_text(diagnostics: Sequence[Diagnostic], runtime: Runtime, *, err: bool) -> None:
     """Print the first findings of each code, then the number of further ones."""
+    from fsoe_net.project.findings import finding_text
+
     counts: Counter[str] = Counter()
     for diagnostic in diagnostics:
         counts[diagnostic.code] += 1

@@ -17,11 +17,11 @@ from typing import TYPE_CHECKING, Any
 
 from fsoe_net import formats
 from fsoe_net.dataclass import dataclass
-from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.ring import fits_on_bus
-from fsoe_net.formats.shared.source import Source
 
 if TYPE_CHECKING:
+    from fsoe_net.formats.shared.files import Collector
+    from fsoe_net.formats.shared.source import Source
     from fsoe_net.model.description import Description
 
 

@@ -15,13 +15,14 @@ from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.model.library import Library
 from fsoe_net.model.network import NetworkConfig, SourceFile
 from fsoe_net.model.resolve import Resolution, resolve
-from fsoe_net.project.references import References, read_references, split_files
 from fsoe_net.rules.check import check
 from fsoe_net.rules.library import check_library
 from fsoe_net.rules.runtime import Runtime
 
 if TYPE_CHECKING:
+    from fsoe_net.formats.registry import Format
     from fsoe_net.model.scan import Scan
+    from fsoe_net.project.references import References
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,14 +32,14 @@ class LoadedFiles:
     Attributes:
         diagnostics: Findings of the readers.
         resolution: The network; ``None`` if nothing was read.
-        references: The other files to compare it with; ``None`` for no comparison.
-        has_others: Whether other files were given.
+        compared: Whether to compare it with the device library and ``references``.
+        references: The other files; ``None`` if there are none.
     """
 
     diagnostics: Sequence[Diagnostic]
     resolution: Resolution | None
+    compared: bool
     references: References | None
-    has_others: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,18 +105,24 @@ def load_files(
         compared: Whether ``files`` may include other files to compare with, and the device library
             is used.
     """
-    own, others = split_files(files) if compared else (files, [])
+    own = files
+    others: list[tuple[str, Format]] = []
+    if compared and len(files) > 1:
+        # Imports the recognition of all formats: only if there may be other files.
+        from fsoe_net.project.references import read_references, split_files
+
+        own, others = split_files(files)
     loaded = load_network(own, loading)
     resolution = resolve(loaded.network) if loaded.network is not None else None
     references = None
-    if compared and resolution is not None:
+    if others and resolution is not None:
         master = loading.master if loading is not None else ""
         references = read_references(others, resolution.network, master=master)
     return LoadedFiles(
         diagnostics=loaded.diagnostics,
         resolution=resolution,
+        compared=compared,
         references=references,
-        has_others=bool(others),
     )
 
 
@@ -151,16 +158,17 @@ def check_loaded(
             from fsoe_net.compare.bus_scan import check_scan
 
             found += check_scan(resolution, scan)
-        if references is not None:
+        if loaded.compared:
             library = library_of(resolution.network)
-            found += references.diagnostics
-            if references.descriptions:
-                from fsoe_net.compare.references import check_references
+            if references is not None:
+                found += references.diagnostics
+                if references.descriptions:
+                    from fsoe_net.compare.references import check_references
 
-                found += check_references(
-                    resolution, references.descriptions, library=library, found=found
-                )
-            found += check_library(resolution, library, found=found, notes=loaded.has_others)
+                    found += check_references(
+                        resolution, references.descriptions, library=library, found=found
+                    )
+            found += check_library(resolution, library, found=found, notes=references is not None)
     found = sort_diagnostics(found)
     # After all checks, so that the error carries every finding.
     if scan is not None and (resolution is None or resolution.network.partial):

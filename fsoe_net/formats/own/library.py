@@ -5,15 +5,13 @@ from __future__ import annotations
 import functools
 import os
 import re
-from collections.abc import Sequence
-from pathlib import Path
+from collections.abc import Iterator, Sequence
 from typing import cast
 
 from fsoe_net.diag.diagnostic import Diagnostic, Severity, sort_diagnostics
 from fsoe_net.diag.guesses import guesses, one_of
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.formats.own.schema import check_structure
-from fsoe_net.formats.recognise import refuse_other
 from fsoe_net.formats.shared.files import Collector, read_bytes
 from fsoe_net.formats.shared.numbers import own_int, read_float, record_of
 from fsoe_net.formats.shared.yaml_tree import MapNode, ScalarNode, SeqNode, parse_yaml
@@ -50,11 +48,16 @@ def load_library(
     Returns:
         The readable devices, and all findings of the user's files.
     """
+    from fsoe_net.formats.recognise import refuse_other  # imports all formats: only if needed
+
     out = Collector()
     mine: list[LibraryDevice] = []
-    for path in own:
+    for given in own:
+        path = os.fspath(given)
         data = read_bytes(path, out)
-        device = None if data is None else parse_library_device(data, os.fspath(path), out)
+        if data is None or refuse_other(data, "device", path, out):
+            continue
+        device = parse_library_device(data, path, out)
         if device is not None:
             mine.append(device)
     taken = {(i.vendor_id, i.product_code) for d in mine for i in d.identities}
@@ -78,16 +81,12 @@ def builtin_library(products: frozenset[int] | None = None) -> Library:
         EnvironmentFault: A file of the package is damaged.
     """
     out = Collector()
-    folder = Path(__file__).parents[2] / "devices"
     devices: list[LibraryDevice] = []
-    for item in sorted(folder.iterdir(), key=lambda i: i.name):
-        if not item.name.endswith(".yaml"):
-            continue
-        data = item.read_bytes()
+    for name, data in _builtin_files():
         # Looking for the text costs far less than YAML; the package writes codes as 0x%08x.
         if products is not None and not any(b"0x%08x" % p in data for p in products):
             continue
-        device = parse_library_device(data, f"devices/{item.name}", out)
+        device = parse_library_device(data, f"devices/{name}", out)
         if device is not None:
             devices.append(device)
     if _damaged(out):
@@ -110,7 +109,7 @@ def parse_library_device(data: bytes, file: str, out: Collector) -> LibraryDevic
     """
     mine = Collector()
     device = None
-    root = None if refuse_other(data, "device", file, mine) else parse_yaml(data, file, mine)
+    root = parse_yaml(data, file, mine)
     if root is not None:
         check_structure(root, "device", mine)
         if not _damaged(mine):
@@ -141,6 +140,15 @@ def parse_library_device(data: bytes, file: str, out: Collector) -> LibraryDevic
             )
     out.diagnostics += mine.diagnostics
     return None if _damaged(mine) else device
+
+
+def _builtin_files() -> Iterator[tuple[str, bytes]]:
+    """Yield name and content of each file of the package."""
+    folder = os.path.normpath(os.path.join(__file__, "../../../devices"))
+    for name in sorted(os.listdir(folder)):
+        if name.endswith(".yaml"):
+            with open(os.path.join(folder, name), "rb") as stream:
+                yield name, stream.read()
 
 
 def _damaged(out: Collector) -> bool:

@@ -6,7 +6,6 @@ import itertools
 import os
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fsoe_net.dataclass import dataclass
@@ -32,7 +31,7 @@ from fsoe_net.formats.own.schema import (
 )
 from fsoe_net.formats.own.slave_yaml import device_from_yaml, load_device
 from fsoe_net.formats.own.transfers import ModuleRow, modules_from_yaml, nets_from_yaml
-from fsoe_net.formats.shared.files import Collector, is_there, read_bytes
+from fsoe_net.formats.shared.files import Collector, is_there, read_bytes, stem_of
 from fsoe_net.formats.shared.numbers import own_int
 from fsoe_net.formats.shared.ring import fits_on_bus
 from fsoe_net.formats.shared.yaml_tree import MapNode, SeqNode, parse_yaml
@@ -238,7 +237,7 @@ class _Assembly:
         for extra in self._transfer_files:
             nets += nets_from_yaml(extra, self.out)
         return NetworkConfig(
-            name=root.text("name") or Path(root.file).stem,
+            name=root.text("name") or stem_of(root.file),
             span=root.span,
             fields=root.places(),
             cycle_ns=buses[0].bus.cycle_ns if buses else cycle_from_yaml(root, self.out),
@@ -334,7 +333,7 @@ class _Assembly:
                 hint="fine for a robot without FSoE; else name the transfer YAML",
             )
         return NetworkConfig(
-            name=self._systems[0].name or Path(path).stem,
+            name=self._systems[0].name or stem_of(path),
             span=self._systems[0].span,
             fields={key: at for s in reversed(self._systems) for key, at in s.fields.items()},
             cycle_ns=cycle_ns,
@@ -456,7 +455,7 @@ class _Assembly:
                 hint="name the URDF or network file too, to check the copies to the bit",
             )
         return NetworkConfig(
-            name=Path(first.file).stem,
+            name=stem_of(first.file),
             span=first.span,
             cycle_ns=None,
             subdevices=tuple(subs),
@@ -468,15 +467,15 @@ class _Assembly:
         subs = tuple(
             SubDevice(
                 span=device.span if device else Span(path, 1, 1),
-                name=Path(path).stem,
+                name=stem_of(path),
                 position=n,
                 device=device,
             )
             for n, (path, device) in enumerate(self._slaves)
         )
-        name = Path(self._slaves[0][0]).stem
+        first = subs[0]
         return NetworkConfig(
-            name=name, span=subs[0].span, cycle_ns=None, subdevices=subs, nets=(), partial=True
+            name=first.name, span=first.span, cycle_ns=None, subdevices=subs, nets=(), partial=True
         )
 
 

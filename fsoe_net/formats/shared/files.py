@@ -58,6 +58,11 @@ def is_there(path: str) -> bool:
     return path in _REPLACED.get() or os.path.exists(path)
 
 
+def stem_of(path: str) -> str:
+    """Return the name of a file without folder and suffix."""
+    return os.path.splitext(os.path.basename(path))[0]
+
+
 def open_file(path: str | os.PathLike[str], *, regular: bool = True) -> Stream:
     """Open a file named by the user; ``-`` is standard input, which is read once.
 

@@ -16,7 +16,7 @@ from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.diagnostic import Severity
 from fsoe_net.diag.words import counted, listed
 from fsoe_net.formats.recognise import is_format
-from fsoe_net.formats.shared.files import Collector, read_bytes
+from fsoe_net.formats.shared.files import Collector, read_bytes, stem_of
 from fsoe_net.formats.shared.limits import MAX_PROJECT_BYTES
 from fsoe_net.formats.shared.ring import MOST_SUBDEVICES
 from fsoe_net.formats.shared.source import Source, esi_number, source_bytes
@@ -230,7 +230,7 @@ class _Project:
             return None
         base = os.path.basename(file)
         folder = os.path.dirname(shown)
-        stem = os.path.splitext(os.path.basename(shown))[0]
+        stem = stem_of(shown)
         places = [
             os.path.join(folder, "_Config", "IO", base),
             os.path.join(folder, "_Config", "IO", *path[:1], base),
@@ -312,7 +312,7 @@ class _Project:
 def _name_of(element: Element, shown: str) -> str:
     name = element.first("Name")
     text = "" if name is None else name.words
-    stem = os.path.splitext(os.path.basename(shown))[0]
+    stem = stem_of(shown)
     return shown_name(stem) if text in ("", _FILE_NAME) else text
 
 

@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.diagnostic import Severity, Span
 from fsoe_net.diag.words import counted
-from fsoe_net.formats.shared.files import Collector, read_bytes
+from fsoe_net.formats.shared.files import Collector, read_bytes, stem_of
 from fsoe_net.formats.shared.limits import MAX_ALIAS_BYTES
 from fsoe_net.formats.shared.source import xml_number
 from fsoe_net.formats.shared.xml_text import readable_xml
@@ -188,7 +188,7 @@ def read_alias(data: bytes, shown: str, out: Collector) -> Alias | None:
         if root.first("SDSID") is None:
             out.add("FSN140", root.span, f"this is not {_KIND}", hint="give an .sds of a group")
         return None
-    name = shown_name(os.path.splitext(os.path.basename(shown))[0])
+    name = shown_name(stem_of(shown))
     safe = root.first("SafetyAliasDevice")
     if safe is None:
         return Alias(number=number, name=name, span=root.span, fields={}, is_safe=False)
