@@ -95,13 +95,12 @@ def _timing(ctx: Context) -> None:
     if network.cycle_ns is None:
         return
     alone = (network.cycle_ns / 1e6,)
-    for net_number, net in enumerate(network.nets):
-        ways = [
-            (c.facts_number, tuple(ns / 1e6 for ns in cycles_ns))
-            for c in ctx.resolution.connections
-            if c.net_number == net_number
-            and (cycles_ns := network.way_cycles_ns(c.main, c.sub)) is not None
-        ]
+    ways_of: list[list[tuple[int | None, tuple[float, ...]]]] = [[] for _ in network.nets]
+    for c in ctx.resolution.connections:
+        cycles_ns = network.way_cycles_ns(c.main, c.sub)
+        if cycles_ns is not None:
+            ways_of[c.net_number].append((c.facts_number, tuple(ns / 1e6 for ns in cycles_ns)))
+    for net, ways in zip(network.nets, ways_of, strict=True):
         of_facts = dict(ways)
         for number, fact in enumerate(net.connections):
             _short_watchdog(ctx, fact, of_facts.get(number, alone))
@@ -164,13 +163,15 @@ def _sync_manager_watchdogs(ctx: Context) -> None:
     buses: Sequence[Bus | NetworkConfig] = network.buses or (network,)
     for number, bus in enumerate(buses):
         cycle_ms = (bus.cycle_ns or 0) / 1e6
+        if cycle_ms < _SM_WATCHDOG_MS:
+            continue
         names = [
             sub.name
             for sub in network.subdevices
             # Each bus has its own cycle.
             if (not network.buses or sub.master_id == number) and _is_watched(sub)
         ]
-        if names and cycle_ms >= _SM_WATCHDOG_MS:
+        if names:
             ctx.add(
                 "FSN425",
                 bus.at("cycle_us" if "cycle_us" in bus.fields else "control_frequency"),

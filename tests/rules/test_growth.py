@@ -30,3 +30,24 @@ def test_a_name_is_looked_up_as_often_on_a_larger_bus(tmp_path: Path, size: int)
     _Name.looked_up = 0
     check(resolution)
     assert 0 < _Name.looked_up <= 20 * size
+
+
+class _Connections(tuple):
+    """Connections that count how often they are searched."""
+
+    searched = 0
+
+    def __iter__(self):
+        type(self).searched += 1
+        return super().__iter__()
+
+
+def test_connections_are_searched_as_often_with_more_nets(tmp_path: Path) -> None:
+    counts = []
+    for size in (160, 640):
+        (tmp_path / str(size)).mkdir()
+        resolution = resolved(write_big_network(tmp_path / str(size), size, size - 1))
+        _Connections.searched = 0
+        check(replace(resolution, connections=_Connections(resolution.connections)))
+        counts.append(_Connections.searched)
+    assert counts[0] == counts[1] > 0
