@@ -190,8 +190,10 @@ def _with_slots(down: ResolvedTransfer, up: ResolvedTransfer) -> _Couple:
 def _slots(*ends: ResolvedEnd) -> frozenset[int]:
     found: set[int] = set()
     for end in ends:
-        if end.block is not None and end.layout is not None and end.block.key in end.layout.slots:
-            found.add(end.layout.slots[end.block.key])
+        if end.block is not None and (layout := end.layout) is not None:
+            slot = layout.slots.get(end.block.key)
+            if slot is not None:
+                found.add(slot)
     return frozenset(found)
 
 

@@ -278,7 +278,7 @@ class _Assembly:
             name=name,
             alias=alias or 0,
             position=position or 0,
-            device=self._device(config, node.span.file, node.at("config")),
+            device=self._device(config, node.file, node.at("config")),
             revision=own_int(node, "revision", 0xFFFFFFFF, self.out),
             master_id=bus,
         )

@@ -163,7 +163,8 @@ class _Forms:
 
     def _of(self, node: Node, key: str = "") -> int:
         if isinstance(node, ScalarNode):
-            return self._of_scalar(node, is_worded=key in self._worded)
+            known = None if key in self._worded else self._scalars.get((node.text, node.plain))
+            return self._of_scalar(node, key) if known is None else known
         if isinstance(node, MapNode):
             pairs = node.pairs
             above = key if key in self._worded else ""
@@ -183,19 +184,16 @@ class _Forms:
             number = self._new(form, sample)
         return number
 
-    def _of_scalar(self, node: ScalarNode, *, is_worded: bool) -> int:
-        spelling = (node.text, node.plain)
-        number = None if is_worded else self._scalars.get(spelling)
-        if number is None:
-            value = _plain(node)
-            # JSON Schema counts 2.0 as an integer. 1 equals True in Python.
-            is_whole = isinstance(value, float) and value.is_integer()
-            form = (type(value), value if is_worded else is_whole)
-            number = self._numbers.get(form)
-            if number is None:
-                number = self._new(form, value)
-            if not is_worded:
-                self._scalars[spelling] = number
+    def _of_scalar(self, node: ScalarNode, key: str) -> int:
+        value = _plain(node)
+        if key in self._worded:
+            # 1 equals True in Python, so the type is part of the form.
+            form = (type(value), value)
+            return self._numbers[form] if form in self._numbers else self._new(form, value)
+        # JSON Schema counts 2.0 as an integer.
+        form = (type(value), isinstance(value, float) and value.is_integer())
+        number = self._numbers[form] if form in self._numbers else self._new(form, value)
+        self._scalars[node.text, node.plain] = number
         return number
 
     def _new(self, form: object, sample: Any) -> int:

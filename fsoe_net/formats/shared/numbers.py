@@ -23,12 +23,12 @@ from fsoe_net.formats.shared.yaml_tree import MapNode, Node, ScalarNode
 from fsoe_net.model.bus import Located
 
 
-class Reader(enum.Enum):
-    """The grammar that applies to a number."""
+class Reader(enum.IntEnum):  # an integer has a fast hash
+    """The grammar that applies to a number: of slave, transfer or network YAML."""
 
-    SLAVE = "slave YAML"
-    ENDPOINT = "transfer YAML"
-    OWN = "network YAML"
+    SLAVE = enum.auto()
+    ENDPOINT = enum.auto()
+    OWN = enum.auto()
 
 
 _MOST_TO_SAY = 0xFFFF  # a larger limit is of no interest to users
@@ -81,10 +81,12 @@ def read_int(
         high: Largest allowed value.
         reader: Grammar of the file.
     """
-    if not isinstance(node, ScalarNode) or node.is_null:
+    if not isinstance(node, ScalarNode):
         return None
     value = _agreed(node.text, reader)
     if value is None:
+        if node.is_null:
+            return None
         value = _disputed(node, out, what=what, low=low, high=high, reader=reader)
     # `-0` is within the range as a number, so the minus sign is checked on its own.
     if value is not None and (not low <= value <= high or (node.text[0] == "-" and low >= 0)):

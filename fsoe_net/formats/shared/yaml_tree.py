@@ -11,7 +11,6 @@ import os
 import re
 from array import array
 from collections.abc import Iterator, Mapping
-from dataclasses import field
 from functools import lru_cache
 from itertools import islice
 from typing import Any
@@ -52,20 +51,16 @@ class ScalarNode(MarkedNode):
 class SeqNode(MarkedNode):
     """A list."""
 
-    items: list[Node] = field(default_factory=list)
-
-
-def _no_places() -> array[int]:
-    return array("Q")
+    items: list[Node]
 
 
 @dataclass(slots=True, eq=False)
 class MapNode(MarkedNode):
     """A map. Keys are scalars; of a repeated key the first one counts, as in yaml-cpp."""
 
-    pairs: dict[str, Node] = field(default_factory=dict)
+    pairs: dict[str, Node]
     # In the order of ``pairs``; as numbers in place, because each of millions would be an object.
-    key_places: array[int] = field(default_factory=_no_places)
+    key_places: array[int]
     _spans: dict[str, Span] | None = None  # of the keys, created on the first request
 
     @property
@@ -255,7 +250,9 @@ class _Builder(EventReader):
 
     def _node(self, event: Any, *, is_map: bool) -> Node:
         place = self._place_of(event)
-        return MapNode(self._file, place) if is_map else SeqNode(self._file, place)
+        if is_map:
+            return MapNode(self._file, place, {}, array("Q"))
+        return SeqNode(self._file, place, [])
 
     def _scalar(self, event: Any) -> None:
         mark = event.start_mark
@@ -266,15 +263,23 @@ class _Builder(EventReader):
             text = self._texts[event.value] = event.value
             self._check_characters(event)
         top = self._top
+        pairs = top.pairs if top is not None else None
         # A key needs no node, unless an alias may refer to it.
-        if top is not None and top.key is None and top.pairs is not None and event.anchor is None:
+        if top is not None and top.key is None and pairs is not None and event.anchor is None:
             top.key, top.key_place, top.key_plain = text, place, not event.style
             return
         node = ScalarNode(self._file, place, text, not event.style)
         if event.anchor is not None:
             self._anchors[event.anchor] = (node, 1)
-        if top is not None and top.pairs is None:
+        if top is None:
+            self._root = node
+        elif pairs is None:
             top.node.items.append(node)
+        elif top.key in self._good_keys and top.key not in pairs and "\n" not in text:
+            # The usual value, which needs none of the checks of `_pair`.
+            pairs[top.key] = node
+            top.node.key_places.append(top.key_place)
+            top.key = None
         else:
             self._attach(node, event)
 
