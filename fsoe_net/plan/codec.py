@@ -7,6 +7,7 @@ import struct
 import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import fields
+from itertools import islice, starmap
 from operator import attrgetter
 from typing import Any
 
@@ -150,16 +151,19 @@ def _packed(record: Record, rows: Sequence[object], strings: _Strings) -> bytear
     if record.name == "entry":
         known = {row: layout.pack(*values_of(row)) for row in dict.fromkeys(rows)}
         return bytearray().join(map(known.__getitem__, rows))
-    # In place: a large bus has hundreds of thousands of rows, each of which would be an object.
-    data = bytearray(layout.size * len(rows))
-    for at, values in zip(range(0, len(data), layout.size), map(values_of, rows), strict=True):
-        if texts:
-            cells = list(values)
-            for n in texts:
-                cells[n] = strings.add(cells[n])
-            layout.pack_into(data, at, *cells)
-        else:
-            layout.pack_into(data, at, *values)
+
+    def with_offsets(values: tuple[Any, ...]) -> list[Any]:
+        cells = list(values)
+        for n in texts:
+            cells[n] = strings.add(cells[n])
+        return cells
+
+    cells = map(with_offsets, map(values_of, rows)) if texts else map(values_of, rows)
+    packed = starmap(layout.pack, cells)
+    data = bytearray()
+    # By the thousand: a large bus has hundreds of thousands of rows, each of which is an object.
+    while some := b"".join(islice(packed, 1000)):
+        data += some
     return data
 
 

@@ -172,7 +172,7 @@ def safety_sha256(functions: Sequence[SafetyFunction]) -> str:
 
 
 def _text(lines: Iterable[str]) -> str:
-    return "".join(f"{line}\n" for line in lines)
+    return "\n".join((*lines, ""))
 
 
 def _sha256(lines: Iterable[str]) -> str:
@@ -185,6 +185,8 @@ def _sha256(lines: Iterable[str]) -> str:
 
 def _word(text: str) -> str:
     """Return a text as one word: UTF-8, with ``%XX`` for ``%`` and all but visible ASCII."""
+    if text.isalnum() and text.isascii():
+        return text
     raw = text.replace("\0", "").encode("utf-8")
     return "".join(chr(b) if b in _PLAIN else f"%{b:02X}" for b in raw)
 
@@ -227,17 +229,17 @@ def _sdo(sdo: PlanSdo) -> str:
 
 
 def _process_data(plan: Plan) -> Iterator[str]:
-    # The text of an entry is created once for all SubDevices of its type.
-    known: dict[PlanEntry, str] = {}  # thousands of SubDevices of one type have equal entries
+    # The text of a PDO is created once for all SubDevices of its type.
+    known: dict[tuple[int, tuple[PlanEntry, ...]], str] = {}
     for sm in plan.sync_managers:
         yield (f"sm {_place(sm)} direction={sm.direction} watchdog={sm.watchdog} bits={sm.bits}")
         for pdo in plan.pdos[sm.first_pdo : sm.first_pdo + sm.pdo_count]:
-            yield f"pdo 0x{pdo.index:04x}"
-            for entry in plan.entries[pdo.first_entry : pdo.first_entry + pdo.entry_count]:
-                line = known.get(entry)
-                if line is None:
-                    line = known[entry] = _entry(entry)
-                yield line
+            entries = plan.entries[pdo.first_entry : pdo.first_entry + pdo.entry_count]
+            lines = known.get((pdo.index, entries))
+            if lines is None:
+                lines = "\n".join((f"pdo 0x{pdo.index:04x}", *map(_entry, entries)))
+                known[pdo.index, entries] = lines
+            yield lines
     # Sorted: the order of records must not change the fingerprint.
     for block in sorted(plan.blocks, key=lambda b: (b.sm, b.byte_offset)):
         yield (
