@@ -80,17 +80,7 @@ def bars_of(buckets: Iterable[Sequence[int]]) -> list[tuple[int, int, int]]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FrameCounts:
-    """Frames that did not come back as they should, since the core exists."""
-
-    lost_frames: int
-    old_replies: int
-    foreign_frames: int
-    unsent_frames: int
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Statistics(FrameCounts):
+class Statistics:
     """Counters of the cyclic thread; the histograms stay empty in virtual time.
 
     ``latency``: delay of wake-ups; ``period``: from one cycle to the next; ``work``: from the
@@ -102,6 +92,10 @@ class Statistics(FrameCounts):
     cycles: int
     overruns: int
     wkc_errors: int
+    lost_frames: int
+    old_replies: int
+    foreign_frames: int
+    unsent_frames: int
     send_errno: int
     bytes_copied: int
     now_ns: int
@@ -224,11 +218,15 @@ class CoreEvent:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CycleImage(FrameCounts):
+class CycleImage:
     """The data of one cycle for a recorder: its number, the counters so far, the process image."""
 
     cycle: int
     now_ns: int
     expected_wkc: int
     actual_wkc: int
+    lost_frames: int
+    old_replies: int
+    foreign_frames: int
+    unsent_frames: int
     image: bytes
