@@ -466,14 +466,13 @@ def driver(urdf, program, scenario):
             return [state, values.outputs["axis.position"], values.inputs["axis.position"], joint]
 
         def reaches(state, counts):
-            seen = []
-
             def is_there():
-                seen[:] = facts()
-                return seen[:2] == [state, counts] and abs(seen[2] - counts) < 20
+                found, target, actual, _ = facts()
+                return [found, target] == [state, counts] and abs(actual - counts) < 20
 
             system.sends(is_there)
-            return seen
+            system.goes("cycle 300")  # until it rests, and the joint is read after it
+            return facts()
 
         system.sends(lambda: facts()[1] == 16384)
         system.goes("cycle 300")
