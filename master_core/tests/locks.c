@@ -4,6 +4,8 @@
 
 #include <dlfcn.h>
 #include <pthread.h>
+#include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "builder.h"
@@ -44,6 +46,6 @@ int __wrap_pthread_create(pthread_t *thread, const pthread_attr_t *attributes, v
 int __wrap_pthread_create(pthread_t *thread, const pthread_attr_t *attributes, void *(*run)(void *),
                           void *argument) {
     (void)thread, (void)attributes, (void)run, (void)argument;
-    CHECK(!"a thread: list this test with THREADS, so that TSan runs it");
-    return 0;
+    (void)fprintf(stderr, "a thread: list this test with THREADS, so that TSan runs it\n");
+    exit(1);
 }
