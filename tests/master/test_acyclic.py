@@ -119,7 +119,8 @@ def test_a_half_dead_subdevice_does_not_stop_a_scan(tmp_path: Path) -> None:
     def alive(seen: Any) -> bool:
         """Whether it and its SII answered to the scan, which waits for milliseconds."""
         found = seen["document"]["subdevices"]
-        return [s["name"] for s in found] == NAMES and found[4]["problems"] != ["it does not answer"]
+        is_named = [s["name"] for s in found] == NAMES
+        return is_named and found[4]["problems"] != ["it does not answer"]
 
     done = seen("half", tmp_path, good=alive)
     found = done["document"]["subdevices"]
