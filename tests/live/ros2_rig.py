@@ -366,7 +366,7 @@ def cia402(network, program, scenario):
     axis.enable()
     axis.emulator.do("drive-fault axis_1 0x2310")
     axis.until_state(axis.FAULT)
-    system.goes("start shoulder/position")
+    system.goes("cycle 50", "start shoulder/position")  # the component has seen the fault by then
     seen["fault"] = axis.stays()
     system.goes("start shoulder/reset_fault", "set shoulder/reset_fault 1")
     axis.until_state(axis.DISABLED)
