@@ -195,6 +195,7 @@ def test_a_folder_that_takes_nothing_is_said_of_the_file_that_was_named(
     [
         (("check", "test-record.yaml"), "FSN117", "a test record, not a network"),
         (("check", "scenario.yaml"), "FSN117", "a scenario, not a network"),
+        (("check", "device.yaml"), "FSN117", "a device file, not a network"),
         (("check", "answers.yaml"), "FSN117", "`fsoe-net init --answers answers.yaml` takes it"),
         (("check", "x.fsnplan"), "FSN117", "this is a compiled plan, not a network"),
         (("check", str(PLAIN)), "FSN101", "it is a directory"),
@@ -222,6 +223,7 @@ def test_a_file_of_another_kind_is_named_once(
     for name, text in (
         ("test-record.yaml", "version: 1\nnetwork: x\nplan_sha256: ''\nsteps: []\n"),
         ("scenario.yaml", "version: 1\nduration_s: 2\n"),
+        ("device.yaml", "name: X\nabout: y\nidentities: []\nmappings: []\n"),
         ("answers.yaml", "subdevices:\n  - {type: EL6910}\n"),
     ):
         (tmp_path / name).write_text(text, "utf-8")

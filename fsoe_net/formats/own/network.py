@@ -173,7 +173,7 @@ class _Assembly:
         kinds = ("network", "transfers", "slave")
         scores = {kind: len(schema_keys(kind) & set(root.pairs)) for kind in kinds}
         other = kind_by_keys(root)
-        if other in ("acceptance", "answers", "test-record", "scenario"):
+        if other in ("acceptance", "answers", "device", "test-record", "scenario"):
             refuse_kind(root, other, "network", "FSN117", self.out)
             return None
         if "subdevices" in root.pairs or "buses" in root.pairs:
