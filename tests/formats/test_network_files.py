@@ -62,6 +62,17 @@ def test_a_file_is_known_by_a_key_that_is_nearly_right(folder: Path):
     assert "colour, shape" in row[2]
 
 
+def test_keys_of_every_yaml_do_not_make_a_network(folder: Path):
+    (folder / "build.yaml").write_text("name: build\nversion: 2\njobs: []\n", "utf-8")
+    (row,) = found("build.yaml")
+    assert row[:2] == ("build.yaml:1:1", "FSN117")
+    (folder / "begun.yaml").write_text("name: cell\nversion: 1\n", "utf-8")
+    assert [row[2] for row in found("begun.yaml")] == [
+        "the document has no 'nets'",
+        "the document has no 'subdevices'",
+    ]
+
+
 OTHER = "not a network YAML or a URDF"
 PROPOSES = "`fsoe-net init {}` proposes a network from it"
 

@@ -171,7 +171,9 @@ class _Assembly:
     def _kind_of(self, root: MapNode, data: bytes) -> str | None:
         """Return the type of a file by its content, never by its name: the name of its schema."""
         kinds = ("network", "transfers", "slave")
-        scores = {kind: len(schema_keys(kind) & set(root.pairs)) for kind in kinds}
+        keys = set(root.pairs)
+        telling = keys - {"name", "version"} or keys  # these two occur in YAML of every program
+        scores = {kind: len(schema_keys(kind) & telling) for kind in kinds}
         other = kind_by_keys(root)
         if other in ("acceptance", "answers", "device", "test-record", "scenario"):
             refuse_kind(root, other, "network", "FSN117", self.out)
@@ -195,11 +197,11 @@ class _Assembly:
                 return meant.pop()
         if _refuse_known(data, root.span, self.out):
             return None
-        keys = ", ".join(list(root.pairs)[:5]) or "none"
+        shown = ", ".join(list(root.pairs)[:5]) or "none"
         self.out.add(
             "FSN117",
             root.span,
-            f"neither a network, a transfer nor a slave YAML; its keys are: {keys}",
+            f"neither a network, a transfer nor a slave YAML; its keys are: {shown}",
             hint="a network file has `version`, `subdevices`, `nets`; a transfer YAML has `nets`;"
             " a slave YAML has `vendor_id`, `rpdo`, `tpdo`",
         )
