@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 
+# click puts these names into its sentence "'x' is not a valid …", where "integer range" is wrong.
+click.IntRange.name, click.FloatRange.name = "integer", "number"
+
 
 class Time(click.ParamType):  # type: ignore[type-arg]
     """A time in nanoseconds: ``30``, ``30s``, ``500ms``, ``2min``.

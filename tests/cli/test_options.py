@@ -299,6 +299,18 @@ def test_an_option_that_would_be_ignored_is_a_usage_error(words: str, said: str,
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("export --port many", "'many' is not a valid integer."),
+        ("ros2 --rate fast", "'fast' is not a valid number."),
+    ],
+)
+def test_a_word_for_a_number_is_named_plainly(words: str, said: str):
+    done = fsn(*words.split())
+    assert (done.returncode, done.stderr.splitlines()[-1].split(": ")[-1]) == (2, said)
+
+
 def test_a_line_of_a_file_that_only_another_file_names_is_not_printed(tmp_path: Path):
     secret = tmp_path / "secret.yaml"
     device = (EXAMPLES / "estop" / "devices" / "ek1914.yaml").read_text("utf-8")
