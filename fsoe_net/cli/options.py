@@ -15,6 +15,7 @@ from click.shell_completion import CompletionItem
 from fsoe_net.model.times import time_ns, time_text
 
 if TYPE_CHECKING:
+    from fsoe_net.acceptance.ssh_signatures import SshSigners
     from fsoe_net.model.network import NetworkConfig
 
 _F = TypeVar("_F", bound=Callable[..., Any])
@@ -219,6 +220,13 @@ def master_socket(socket: str | None, interface: str | None) -> str:
     return control_socket(interface or "")
 
 
+def named_master(socket: str | None, interface: str | None) -> str | None:
+    """Return the same as `master_socket`, but ``None`` if none is selected."""
+    if socket is None and interface is None:
+        return None
+    return master_socket(socket, interface)
+
+
 def refuse_others(ctx: click.Context, flag: str, *names: str) -> None:
     """Reject options that have no effect together with a flag.
 
@@ -309,6 +317,22 @@ def signer_options(function: _F) -> _F:
         metavar="FILE",
         help="Allowed signers (an ssh-keygen allowed_signers file).",
     )(function)
+
+
+def read_signers(signers: str | None, revoked: str | None) -> SshSigners | None:
+    """Read the files of `signer_options`.
+
+    Raises:
+        click.UsageError: ``--revoked`` is given alone.
+        InputError: A file cannot be used.
+    """
+    if signers is None:
+        if revoked is not None:
+            raise click.UsageError("--revoked FILE goes with --signers FILE")
+        return None
+    from fsoe_net.acceptance.ssh_signatures import SshSigners
+
+    return SshSigners.read(signers, revoked)
 
 
 def scenario_option(function: _F) -> _F:

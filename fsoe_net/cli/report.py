@@ -7,13 +7,13 @@ from pathlib import Path
 import click
 
 from fsoe_net.acceptance.report import REPORT_FORMATS, make_report
-from fsoe_net.acceptance.ssh_signatures import SshSigners
 from fsoe_net.cli.inputs import input_options
 from fsoe_net.cli.options import (
     FILE,
     master_options,
-    master_socket,
+    named_master,
     output_option,
+    read_signers,
     signer_options,
 )
 from fsoe_net.cli.output import print_diagnostics
@@ -115,12 +115,10 @@ def command(
         raise click.UsageError("--against and --accepted: the change log starts from one of them")
     if signers is not None and accepted is None:
         raise click.UsageError("--signers FILE goes with --accepted RECORD")
-    if revoked is not None and signers is None:
-        raise click.UsageError("--revoked FILE goes with --signers FILE")
+    trusted = read_signers(signers, revoked)
     # A report takes evidence and time: the target is checked first.
     check_target(output, overwrite=overwrite)
-    named = socket is not None or interface is not None
-    address = master_socket(socket, interface) if named else None
+    address = named_master(socket, interface)
     with elapsed_time(f"writing {output}"):
         report = make_report(
             check_files(files, loading, compared=True),
@@ -130,7 +128,7 @@ def command(
             scenario=scenario_file,
             against=against,
             accepted=None if accepted is None else read_record(accepted),
-            signers=None if signers is None else SshSigners.read(signers, revoked),
+            signers=trusted,
             test_record=test_record,
             self_test=self_test,
             loading=loading,

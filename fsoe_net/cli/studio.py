@@ -7,7 +7,7 @@ import os
 import click
 
 from fsoe_net.cli.inputs import reference_options
-from fsoe_net.cli.options import FILE, NETWORK, master_options, master_socket, overwrite_option
+from fsoe_net.cli.options import FILE, NETWORK, master_options, named_master, overwrite_option
 from fsoe_net.cli.studio_snapshot import write_snapshot
 from fsoe_net.cli.studio_start import check_control, listening, serve, usual_port
 from fsoe_net.cli.terminal import echo
@@ -95,7 +95,7 @@ def command(
     file is written only when you press Save. With --interface or --socket the page also shows a
     running fsn-master. Without --allow-control it changes nothing there.
     """
-    live = None if socket is None and interface is None else master_socket(socket, interface)
+    live = named_master(socket, interface)
     name, may_be_new = _network_file(path)
     if snapshot is not None:
         write_snapshot(

@@ -7,7 +7,6 @@ import os
 import click
 
 from fsoe_net.acceptance.signatures import SignedRecord, check_signatures
-from fsoe_net.acceptance.ssh_signatures import SshSigners
 from fsoe_net.acceptance.verify import compare_known, compare_running
 from fsoe_net.cli.inputs import reference_options
 from fsoe_net.cli.options import (
@@ -16,7 +15,8 @@ from fsoe_net.cli.options import (
     NETWORK_FILE,
     format_option,
     master_options,
-    master_socket,
+    named_master,
+    read_signers,
     signer_options,
 )
 from fsoe_net.cli.verify_output import print_json, print_text
@@ -73,9 +73,9 @@ def verify(
     FILES: a .fsnplan, a fingerprint, or a network as for `fsoe-net check`. A running fsn-master
     calculates its fingerprint from the tables it has loaded and reports the bus cycle in use.
     """
-    live = socket is not None or interface is not None
+    address = named_master(socket, interface)
     # In the folder of a network, no file has to be given.
-    if not files and not live and acceptance is None:
+    if not files and address is None and acceptance is None:
         if not os.path.isfile(NETWORK):
             raise click.UsageError(
                 "name a network or plan, --socket PATH or --interface IF to compare"
@@ -83,7 +83,6 @@ def verify(
         files = (NETWORK,)
     if (accepted is None) == (acceptance is None):
         raise click.UsageError("give either --accepted FILE or --acceptance RECORD")
-    address = master_socket(socket, interface) if live else None
     signed = _signed(acceptance, signers, revoked)
     wanted = _wanted(accepted, signed, loading)
     rows = [compare_known(wanted, read_known(files, loading))] if files else []
@@ -102,13 +101,12 @@ def _signed(
     acceptance: str | None, signers: str | None, revoked: str | None
 ) -> SignedRecord | None:
     """Check the signatures of a record, if one is given."""
-    if revoked is not None and signers is None:
-        raise click.UsageError("--revoked FILE goes with --signers FILE")
-    if (acceptance is None) != (signers is None):
+    trusted = read_signers(signers, revoked)
+    if (acceptance is None) != (trusted is None):
         raise click.UsageError("--acceptance RECORD and --signers FILE belong together")
-    if acceptance is None or signers is None:
+    if acceptance is None or trusted is None:
         return None
-    return check_signatures(acceptance, SshSigners.read(signers, revoked))
+    return check_signatures(acceptance, trusted)
 
 
 def _wanted(accepted: str | None, signed: SignedRecord | None, loading: LoadOptions) -> Known:
