@@ -175,11 +175,11 @@ def make_report(
         scenario=scenario or "",
         evidence=tuple(evidence),
         live=live,
-        given=None if plan is None else _given(plan),
+        given=_given(plan),
         against=before,
         tried=tried,
-        accepted=None if accepted is None else _accepted(accepted, fingerprint),
-        signed=None if accepted is None or signers is None else _signed(accepted, signers),
+        accepted=_accepted(accepted, fingerprint),
+        signed=_signed(accepted, signers),
         self_test=_self_test(self_test),
     )
     return Report(
@@ -247,7 +247,9 @@ def _self_test(path: str | None) -> SelfTestResult | None:
     return read_self_test(path, installed_files().build)
 
 
-def _given(path: str) -> GivenPlan:
+def _given(path: str | None) -> GivenPlan | None:
+    if path is None:
+        return None
     source, data = read_source(path, most=MAX_LARGE_BYTES)
     if not data.startswith(MAGIC):
         raise InputError(f"{path} is no .fsnplan file; make one with fsoe-net plan FILES -o PLAN")
@@ -263,13 +265,17 @@ def _tried(path: str, resolution: Resolution, plan: Plan | None) -> tuple[Tried,
     return Tried(source=source, test_record=test_record, notes=notes, fits=not bad), found
 
 
-def _accepted(found: AcceptedRecord, now: Fingerprint | None) -> GivenRecord:
+def _accepted(found: AcceptedRecord | None, now: Fingerprint | None) -> GivenRecord | None:
+    if found is None:
+        return None
     fits = now is not None and now.whole == found.fingerprint.whole
     return GivenRecord(source=found.source, record=found.record, fits=fits)
 
 
-def _signed(accepted: AcceptedRecord, signers: SshSigners) -> Signatures:
+def _signed(accepted: AcceptedRecord | None, signers: SshSigners | None) -> Signatures | None:
     """Return the signatures of a record; none if the record was replaced in the meantime."""
+    if accepted is None or signers is None:
+        return None
     signed = check_signatures(accepted.source.path, signers)
     against = [f"{r.what}: {r.fix}" for r in signed.refusals]
     if signed.record.source.sha256 != accepted.source.sha256:

@@ -79,6 +79,27 @@ def command(
         return
     if output is not None:
         raise click.UsageError("-o belongs to --lua; else redirect standard output")
+    captures = _captures(inputs)
+    naming = _naming(network)
+    out: Output = JsonOutput() if fmt == "json" else TextOutput()
+    for path in captures:
+        with open_file(path, regular=False) as file:
+            decode_capture(path, file, naming, out, changes=changes, summary=summary)
+    if not inputs or inputs == ("-",):
+        stdin = standard_input()
+        # The first bytes identify the format and are not consumed.
+        if is_capture(stdin.peek(4)[:4]):
+            decode_capture("stdin", stdin, naming, out, changes=changes, summary=summary)
+        else:
+            decode_hex(hex_lines(stdin), naming, out)
+    elif not captures:
+        decode_hex([("argument", " ".join(inputs))], naming, out)
+    out.end()
+    # Frames whose CRC could not be checked are not a pass.
+    ctx.exit(int(out.wrong > 0 or out.unchecked))
+
+
+def _captures(inputs: tuple[str, ...]) -> list[str]:
     captures = [name for name in inputs if name != "-" and is_file(name)]
     # A misspelt file name would otherwise be decoded as hex.
     if captures and len(captures) < len(inputs):
@@ -86,24 +107,7 @@ def command(
         raise click.UsageError(
             f"{hexes[0]!r} is not a file; captures and hex go into separate calls"
         )
-    naming = _naming(network)
-    out: Output = JsonOutput() if fmt == "json" else TextOutput()
-    if captures:
-        for path in captures:
-            with open_file(path, regular=False) as file:
-                decode_capture(path, file, naming, out, changes=changes, summary=summary)
-    elif inputs and inputs != ("-",):
-        decode_hex([("argument", " ".join(inputs))], naming, out)
-    else:
-        stdin = standard_input()
-        # The first bytes identify the format and are not consumed.
-        if is_capture(stdin.peek(4)[:4]):
-            decode_capture("stdin", stdin, naming, out, changes=changes, summary=summary)
-        else:
-            decode_hex(hex_lines(stdin), naming, out)
-    out.end()
-    # Frames whose CRC could not be checked are not a pass.
-    ctx.exit(int(out.wrong > 0 or out.unchecked))
+    return captures
 
 
 def _naming(network: tuple[str, ...]) -> Naming:

@@ -25,7 +25,7 @@ from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.formats.own.scan_bus import describe_scan
 from fsoe_net.proposal.draft import Inputs, make_draft
 from fsoe_net.proposal.draft_text import answers_template
-from fsoe_net.proposal.gather import gather
+from fsoe_net.proposal.gather import Gathered, gather
 
 _EPILOG = """\b
 Examples:
@@ -122,19 +122,12 @@ def command(
     if not template:
         check_folder(folder, overwrite=overwrite)
     found = gather(files, loading, answers=answers_file)
-    # Without any input the only result would be an empty network.
     if not files and interface is None and socket is None and not found.answers.subdevices:
         raise click.UsageError("name files of the bus, or --interface IF; `--help` shows examples")
-    if interface is not None or socket is not None:
-        from fsoe_net.cli.bus import take_scan
-
-        scan = take_scan(interface, bus=None, socket=socket, yes=yes).scan
-        found.buses.append(describe_scan(scan, f"the bus at {interface or socket}"))
-        found.used.append(f"the bus at {interface or socket}")
+    _scan(found, interface, socket, yes=yes)
     inputs = Inputs.of(found)
     if template:
-        made = make_draft(inputs, found.answers)
-        refuse(made)
+        refuse(made := make_draft(inputs, found.answers))
         echo(answers_template(made, answers_file), nl=False)
         return
     # Without a terminal no person can answer; open questions are then reported.
@@ -144,3 +137,14 @@ def command(
         report_questions(made, answered=answers_file is not None or no_input)
     if write_network(made, folder, overwrite=overwrite):
         ctx.exit(1)
+
+
+def _scan(found: Gathered, interface: str | None, socket: str | None, *, yes: bool) -> None:
+    if interface is None and socket is None:
+        return
+    from fsoe_net.cli.bus import take_scan
+
+    scan = take_scan(interface, bus=None, socket=socket, yes=yes).scan
+    name = f"the bus at {interface or socket}"
+    found.buses.append(describe_scan(scan, name))
+    found.used.append(name)

@@ -16,7 +16,7 @@ from fsoe_net.cli.write import check_target
 from fsoe_net.diag.words import counted
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.formats.own.options import LoadOptions
-from fsoe_net.model.test_record import TestStep
+from fsoe_net.model.test_record import TestRecord, TestStep
 from fsoe_net.test_record.trial import Trial, read_test_record
 
 _EPILOG = """\b
@@ -84,19 +84,24 @@ def command(
             "--live asks a person at the machine before each step: start it from a terminal"
         )
     check_target(output, overwrite=overwrite)
-    is_filled_in = Path(output).suffix in (".yaml", ".yml") and Path(output).exists()
-    old = given or (output if is_filled_in else None)
-    before = None
-    if old is not None:
-        _, before, found = read_test_record(old)
-        print_diagnostics(found, err=True)
-    trial = Trial.of(files, loading, before)
+    trial = Trial.of(files, loading, _before(given, output))
     if virtual:
         trial.run_virtual(faults=cycles, on_step=_note if sys.stderr.isatty() else None)
     if address is not None:
         _live(trial, address, output, overwrite=overwrite)
     trial.save(output, overwrite=overwrite)
     ctx.exit(print_outcome(trial.test_record, output))
+
+
+def _before(given: str | None, output: str) -> TestRecord | None:
+    """Return the record to continue: the one that is given, or that was written before."""
+    is_filled_in = Path(output).suffix in (".yaml", ".yml") and Path(output).exists()
+    old = given or (output if is_filled_in else None)
+    if old is None:
+        return None
+    _, before, found = read_test_record(old)
+    print_diagnostics(found, err=True)
+    return before
 
 
 def _note(text: str) -> None:

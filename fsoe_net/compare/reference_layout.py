@@ -272,12 +272,12 @@ class _Side:
         other = [p.index for p in theirs if p.index in here or p.index not in blocked]
         if mine == other:
             return
-        unknown = [i for i in mine if i not in self.pdos]
+        unknown = [p for p in ours if p.index not in self.pdos]
         if self.is_type and not unknown and self.row.facts.assignable and set(other) <= set(mine):
             return  # optional PDOs, which a MainDevice may assign
         self.add(
             "FSN433",
-            next((p.span for p in ours if p.index in unknown), span),
+            unknown[0].span if unknown else span,
             f"SM{number} carries {listed(mine)} here, {listed(other)} in {self.source}"
             f"{assignment_words(mine, other)}",
             theirs[0].span if theirs else self.row.span,
@@ -285,7 +285,7 @@ class _Side:
             severity=self._assignment_severity(unknown),
         )
 
-    def _assignment_severity(self, unknown: list[int]) -> Severity | None:
+    def _assignment_severity(self, unknown: list[Pdo]) -> Severity | None:
         if not self.is_type:
             return None
         if unknown:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from fsoe_net.core.bus_documents import SubDeviceSnapshot
 from fsoe_net.diag.words import counted
@@ -56,33 +56,42 @@ def _other_main(e: IncidentEvidence) -> Iterator[Candidate]:
 def _gone(e: IncidentEvidence) -> Iterator[Candidate]:
     """SubDevices that no longer answer."""
     lost = e.lost_subdevices()
-    if not lost or (len(lost) == sum(s.known for s in e.head.subdevices) and _is_late(e)):
-        return  # frames that return late have passed all devices
+    if not lost or _all_late(e, lost):
+        return
     first = lost[0]
     # The first missing one on the ring is next to the fault; the loss of later ones follows.
     gone = [s for s in lost if s.bus == first.bus]
     line, several = e.line(first.bus), len(gone) > 1
     # A loss that does not concern the devices of this connection is only a partial explanation.
     score = 92 if _own(e, [s.name for s in gone]) else 45
-    facts = [*_facts_of_gone(e, gone), *_when(e, gone), *_ring(e)]
-    facts.append(f"the bus reports for {first.name}: {first.detail}" if first.detail else "")
+    facts = [*_facts_of_gone(e, gone), *_when(e, gone), *_ring(e), *_reported(first)]
     before = line[: line.index(first)]
+    to_the_end = several and len(line) - len(before) == len(gone)
     # The whole line is missing and the interface is down: the fault is before the first device.
     if len(gone) == len(line) and _interface_down(e):
         yield candidate(e, "main_link_lost", score + 6, *facts, device=first.name)
-        return
     # All devices from one to the end are missing: only a cable or a connector explains that.
-    if _names_a_link(gone) or (several and len(line) - len(before) == len(gone)):
+    elif to_the_end or _names_a_link(gone):
         other = before[-1].name if before else "the MainDevice"
         text = "all devices from there on are gone" if several else ""
         yield candidate(e, "cable_cut", score + 4, text, *facts, device=first.name, other=other)
         # A device without power also cuts off the rest of the line, so this remains possible.
         if several:
             yield candidate(e, "device_lost", score - 20, *facts, device=first.name)
-        return
-    # An end of this connection, if there is one, explains most.
-    seen = min(gone, key=lambda s: s.name not in _ends(e))
-    yield candidate(e, "device_lost", score, *facts, device=seen.name)
+    else:
+        # An end of this connection, if there is one, explains most.
+        seen = min(gone, key=lambda s: s.name not in _ends(e))
+        yield candidate(e, "device_lost", score, *facts, device=seen.name)
+
+
+def _reported(sub: SubDeviceSnapshot) -> Iterator[str]:
+    if sub.detail:
+        yield f"the bus reports for {sub.name}: {sub.detail}"
+
+
+def _all_late(e: IncidentEvidence, lost: Sequence[SubDeviceSnapshot]) -> bool:
+    """Whether all seem lost because frames return late: such frames have passed all devices."""
+    return len(lost) == sum(s.known for s in e.head.subdevices) and _is_late(e)
 
 
 def _ring(e: IncidentEvidence) -> Iterator[str]:
@@ -300,10 +309,7 @@ def _lost_frames(e: IncidentEvidence) -> Iterator[Candidate]:
         # Frames that return late were counted as lost before and need no second explanation.
         if 2 * there * e.bus.cycle_ns >= missing:
             return  # the missing frames returned later
-    # The port after a disturbed cable counts the errors; the first such port on the ring is next to
-    # it.
-    errors = {s.name: sum(s.rx_errors) for s in e.head.subdevices if sum(s.rx_errors)}
-    first = next(iter(errors), "")
+    errors = _first_errors(e)
     yield candidate(
         e,
         "lost_frames",
@@ -311,8 +317,16 @@ def _lost_frames(e: IncidentEvidence) -> Iterator[Candidate]:
         *facts,
         f"{counted(e.bus.lost_frames, 'frame')} counted as lost" if e.bus.lost_frames else "",
         _unsent(e),
-        f"receive errors are counted first at {first} ({errors[first]})" if first else "",
+        errors,
     )
+
+
+def _first_errors(e: IncidentEvidence) -> str:
+    """Return where receive errors are counted first on the ring: next to a disturbed cable."""
+    for sub in e.head.subdevices:
+        if errors := sum(sub.rx_errors):
+            return f"receive errors are counted first at {sub.name} ({errors})"
+    return ""
 
 
 def _late_replies(e: IncidentEvidence, watchdog_ns: int, facts: list[str]) -> Candidate:

@@ -112,15 +112,11 @@ def _local(e: IncidentEvidence) -> Iterator[Candidate]:
     plan = e.plan
     if plan is None or e.code != ResetCode.LOCAL:
         return
-    # At least 50 ms: several connections of one device are not reset in the same cycle.
-    near = max(e.watchdog_ns or 0, 50_000_000)
-    own = e.links_of(plan.main)
-    resets = [link.reset_at(e.moment_ns, near) for link in own]
-    together = [r for r in resets if r is not None and r.by == "main" and r.code == 0]
-    device = plan.main if e.by == "main" else plan.sub
+    own, by_main = e.links_of(plan.main), e.by == "main"
+    device = plan.main if by_main else plan.sub
     said = f"{device} reset with code 0, all frames before were right"
     # All connections of one MainInstance at once: the device itself has restarted.
-    if e.by == "main" and len(own) > 1 and len(together) == len(own):
+    if by_main and len(own) > 1 and all(_reset_by_main(e, link) for link in own):
         all_of = (
             f"all {counted(len(own), 'connection')} of {plan.main} were reset with code 0 together"
         )
@@ -131,8 +127,15 @@ def _local(e: IncidentEvidence) -> Iterator[Candidate]:
         rest = f"go on: the other {others} of {plan.main}" if len(own) > 1 else ""
         yield candidate(e, "local_reset", 78, said, rest, device=device)
         # With a single connection, both causes look the same.
-        if e.by == "main" and len(own) == 1:
+        if by_main and len(own) == 1:
             yield candidate(e, "main_restarted", 60, said)
+
+
+def _reset_by_main(e: IncidentEvidence, link: LinkFacts) -> bool:
+    """Whether the MainInstance reset a connection with code 0 at the moment."""
+    # At least 50 ms: several connections of one device are not reset in the same cycle.
+    reset = link.reset_at(e.moment_ns, max(e.watchdog_ns or 0, 50_000_000))
+    return reset is not None and reset.by == "main" and reset.code == 0
 
 
 def _forgot(e: IncidentEvidence) -> Iterator[Candidate]:

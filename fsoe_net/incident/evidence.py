@@ -214,25 +214,11 @@ def gather(reader: IncidentReader) -> IncidentEvidence:
     """
     head = _at_moment(reader.head)
     planned = _planned(head)
-    moment = head.trigger.now_ns
     # A trigger of a SubDevice concerns the first connection that has an end there.
     name = head.trigger.connection or _of_subdevice(planned, head.trigger.subdevice)
     bus = BusWatch(head.cycle_ns or (head.plan.cycle_ns if head.plan else 0))
-    frames = head.layout.connections
-    # Places of other frames: a complete frame found there is not a shifted one.
-    taken = frozenset(
-        (copy.source_byte, copy.size_bytes) for c in frames for copy in (c.to_sub, c.to_main)
-    )
-    watches = {
-        p.name: LinkWatch(
-            p,
-            moment,
-            bounds=(_bounds(head, p.to_sub), _bounds(head, p.to_main)),
-            taken=taken,
-        )
-        for p in frames
-    }
-    pairs = _pairs(frames, watches, name)
+    watches = _watches(head)
+    pairs = _pairs(head.layout.connections, watches, name)
     image: bytes | None = None
     for record in reader:
         bus.cycle(record)
@@ -260,6 +246,23 @@ def gather(reader: IncidentReader) -> IncidentEvidence:
         name=name or _first_bad(links),
         cut=reader.cut,
     )
+
+
+def _watches(head: IncidentHead) -> dict[str, LinkWatch]:
+    frames = head.layout.connections
+    # Places of other frames: a complete frame found there is not a shifted one.
+    taken = frozenset(
+        (copy.source_byte, copy.size_bytes) for c in frames for copy in (c.to_sub, c.to_main)
+    )
+    return {
+        p.name: LinkWatch(
+            p,
+            head.trigger.now_ns,
+            bounds=(_bounds(head, p.to_sub), _bounds(head, p.to_main)),
+            taken=taken,
+        )
+        for p in frames
+    }
 
 
 def _at_moment(head: IncidentHead) -> IncidentHead:

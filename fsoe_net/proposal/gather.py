@@ -93,34 +93,40 @@ def gather(paths: Sequence[str], options: LoadOptions, *, answers: str | None = 
             named += [(f, True) for f in inside if os.path.realpath(f) not in skipped]
         else:
             named.append((path, False))
-    yaml_files: list[tuple[str, bool]] = []
+    # All files are read before errors end the command, so that the user can correct them together.
+    yaml_files = []
     for path, in_folder in named:
-        mine = Collector()
-        # A file in a folder may be anything; a file that was named must be readable.
-        head = head_of(path, mine)
-        # Scans are JSON and would otherwise be taken for another format.
-        if head is not None and _SCAN.match(head):
-            _keep(found, path, mine, in_folder, _scan(path, mine, found))
-            continue
-        known = None if head is None else find_format(head, mine, name=path)
-        if known is None:
-            _keep(found, path, mine, in_folder, False)
-        # YAML files refer to each other and are read together at the end.
-        elif known.yields is Yields.NETWORK:
+        if _is_yaml_else_read(path, in_folder, options, found):
             yaml_files.append((path, in_folder))
-        elif known.yields is Yields.CATALOGUE:
-            found.esis.append(path)
-            found.used.append(path)
-        else:
-            read = read_foreign(path, known, mine, master=options.master)
-            # All files are read before errors end the command, so that the user can correct them
-            # together.
-            _keep(found, path, mine, in_folder, _sorted(read, known, found))
+    # YAML files refer to each other and are read together at the end.
     _read_yaml(yaml_files, options, found)
     errors = [d for d in found.out.diagnostics if d.level is Severity.ERROR]
     if errors:
         raise InputError("nothing written", sort_diagnostics(errors))
     return found
+
+
+def _is_yaml_else_read(path: str, in_folder: bool, options: LoadOptions, found: Gathered) -> bool:
+    """Return whether a file is YAML of a network; read it if not."""
+    mine = Collector()
+    # A file in a folder may be anything; a file that was named must be readable.
+    head = head_of(path, mine)
+    # Scans are JSON and would otherwise be taken for another format.
+    if head is not None and _SCAN.match(head):
+        _keep(found, path, mine, in_folder, _scan(path, mine, found))
+        return False
+    known = None if head is None else find_format(head, mine, name=path)
+    if known is None:
+        _keep(found, path, mine, in_folder, False)
+    elif known.yields is Yields.NETWORK:
+        return True
+    elif known.yields is Yields.CATALOGUE:
+        found.esis.append(path)
+        found.used.append(path)
+    else:
+        read = read_foreign(path, known, mine, master=options.master)
+        _keep(found, path, mine, in_folder, _sorted(read, known, found))
+    return False
 
 
 def _files_in(folder: str, out: Collector) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from fsoe_net.diag.words import counted
 from fsoe_net.document.markup import escape, shortened, svg_text
@@ -39,22 +39,21 @@ def topology_picture(plan: Plan, *, per_row: int = MAX_PER_ROW) -> str:
         plan: The plan to draw.
         per_row: Boxes per row; 2 fit a phone.
     """
-    shown = [n for n, s in enumerate(plan.subdevices) if s.in_copy]
     # A small network is shown completely, so that a person recognises the machine.
-    if len(plan.subdevices) <= 12:
-        shown = list(range(len(plan.subdevices)))
+    is_small = len(plan.subdevices) <= 12
+    shown = [n for n, s in enumerate(plan.subdevices) if is_small or s.in_copy]
     # Arcs across more than two rows would cross boxes and be hard to follow.
     dense = len(shown) > 2 * per_row
     first_y, step_x, step_y = (30 if dense else 110), _BOX_WIDTH + _GAP, (94 if dense else 200)
     place: dict[int, tuple[float, float]] = {}
     rows = _rows(plan, shown, per_row)
     for row, (_, numbers) in enumerate(rows):
-        for column, number in enumerate(numbers):
-            place[number] = (20 + column * step_x, first_y + row * step_y)
+        y = first_y + row * step_y
+        place |= {number: (20 + column * step_x, y) for column, number in enumerate(numbers)}
     columns = max((len(numbers) for _, numbers in rows), default=1)
-    last_y = max((y for _, y in place.values()), default=first_y)
-    has_names = any(name for name, _ in rows)
-    width, height = 20 + columns * step_x, last_y + _BOX_HEIGHT + 28 + _LINE * has_names
+    last_y = first_y + max(len(rows) - 1, 0) * step_y
+    names = [(row, name) for row, (name, _) in enumerate(rows) if name]
+    width, height = 20 + columns * step_x, last_y + _BOX_HEIGHT + 28 + _LINE * bool(names)
     connections = counted(len(plan.connections), "FSoE connection")
     parts = [
         f'<svg viewBox="0 20 {width} {height - 20:g}" style="max-width:{width}px" role="img" '
@@ -62,14 +61,10 @@ def topology_picture(plan: Plan, *, per_row: int = MAX_PER_ROW) -> str:
     ]
     # Drawn first, so that boxes cover the line.
     parts += _bus_line(list(place.values()), step_x)
-    for row, (name, _) in enumerate(rows):
+    for row, name in names:
         below = first_y + row * step_y + _BOX_HEIGHT + 16
-        parts += [svg_text(20, below, name, "start", "name")] if name else []
-    lines = _connection_lines(plan) if dense else {}
-    mains = {c.main for c in plan.connections}
-    subs = {c.sub for c in plan.connections}
-    for n in shown:
-        parts.append(_box(plan, n, place[n], n in mains, n in subs, lines.get(n, "")))
+        parts.append(svg_text(20, below, name, "start", "name"))
+    parts += _boxes(plan, place, _connection_lines(plan) if dense else {})
     if not dense:  # names above all lines, so that no line crosses a name
         parts += _arcs(plan, place)
     hidden = len(plan.subdevices) - len(shown)
@@ -77,6 +72,17 @@ def topology_picture(plan: Plan, *, per_row: int = MAX_PER_ROW) -> str:
         text = f"{hidden} SubDevices without a copy"
         parts.append(svg_text(20, height - 6, text, "start", "small"))
     return "".join([*parts, "</svg>"])
+
+
+def _boxes(
+    plan: Plan, place: Mapping[int, tuple[float, float]], lines: Mapping[int, str]
+) -> list[str]:
+    mains = {c.main for c in plan.connections}
+    subs = {c.sub for c in plan.connections}
+    return [
+        _box(plan, n, at, n in mains, n in subs, lines.get(n, ""))
+        for n, at in sorted(place.items())
+    ]
 
 
 def _rows(plan: Plan, shown: Sequence[int], per_row: int) -> list[tuple[str, list[int]]]:

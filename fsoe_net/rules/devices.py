@@ -205,8 +205,7 @@ def _sync_manager_size(ctx: Context, sm: SmLayout, sub: SubDevice) -> None:
 
 def _entries_twice(ctx: Context, layout: DeviceLayout) -> None:
     first: dict[tuple[int, int], tuple[SmLayout, Placed]] = {}
-    idle: set[str] = set()
-    idle_at = None
+    idle: dict[str, Entry] = {}
     twice: dict[tuple[int, ...], list[tuple[Placed, Placed]]] = {}  # by both PDOs
     for sm in layout.managers:
         for placed in sm.placed:
@@ -224,19 +223,17 @@ def _entries_twice(ctx: Context, layout: DeviceLayout) -> None:
                 continue  # drives map the same object as command and as status
             # Manufacturer objects that are mapped twice without use serve as padding.
             if not used and entry.index < _PROFILE_AREA:
-                idle.add(entry.address)
-                idle_at = idle_at or entry
+                idle.setdefault(entry.address, entry)
                 continue
             pdos = (sm.number, placed.pdo_number, known_sm.number, known.pdo_number)
             twice.setdefault(pdos, []).append((placed, known))
     for rows in twice.values():
         _mapped_twice(ctx, rows)
-    if idle_at is not None:
-        names = ", ".join(sorted(idle))
+    if idle:
         ctx.add(
             "FSN408",
-            idle_at.at("index"),
-            f"mapped more than once, probably as padding: {names}",
+            next(iter(idle.values())).at("index"),
+            f"mapped more than once, probably as padding: {', '.join(sorted(idle))}",
             severity=Severity.INFO,
             hint="index 0x0000 marks padding clearly",
         )

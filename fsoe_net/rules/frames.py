@@ -149,22 +149,21 @@ def _intruder(end: ResolvedEnd, sm: SmLayout, size: int) -> str | None:
         return None
     entry, base = end.placed.entry, end.placed.bit_offset
     starts = {p.bit_offset: p.entry for p in sm.placed}
-    expected = [(b, "CRC") for b in _crc_bytes(size)] + [(size - 2, "connection ID")]
-    found = [starts.get(base + 8 * byte) for byte, _ in expected]
-    good = [e is not None and e.bits == 16 and not e.is_gap for e in found]
-    # All words are present, so one of them has a wrong index.
-    if all(good):
-        return _wrong_word([e for e in found if e is not None], entry.index)
     # Without another entry of the same object, this is not a frame at all.
     inside = range(base + 1, base + 8 * size)
-    if not any(p.bit_offset in inside and p.entry.index == entry.index for p in sm.placed):
-        return None
-    byte, what = expected[good.index(False)]
-    other = found[good.index(False)]
-    there = "no entry starts"
-    if other is not None:
-        there = f"{other.address} of {counted(other.bits, 'bit')} stands"
-    return f"{there} where the {what} is expected (byte {byte})"
+    alone = not any(p.bit_offset in inside and p.entry.index == entry.index for p in sm.placed)
+    words = []
+    for byte, what in [*((b, "CRC") for b in _crc_bytes(size)), (size - 2, "connection ID")]:
+        found = starts.get(base + 8 * byte)
+        if found is not None and found.bits == 16 and not found.is_gap:
+            words.append(found)
+            continue
+        there = "no entry starts"
+        if found is not None:
+            there = f"{found.address} of {counted(found.bits, 'bit')} stands"
+        return None if alone else f"{there} where the {what} is expected (byte {byte})"
+    # All words are present, so one of them has a wrong index.
+    return _wrong_word(words, entry.index)
 
 
 def _crc_bytes(size: int) -> Sequence[int]:

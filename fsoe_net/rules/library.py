@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from fsoe_net.diag.diagnostic import Diagnostic, FindingList, Severity, sort_diagnostics
 from fsoe_net.model.bus import SubDevice
@@ -52,8 +52,18 @@ def _frames(
         _without_frames(out, sub, fitting[0], known)
         return None
     mapping = next((m for m in fitting if _has(m, frames)), None)
-    if mapping is not None:
-        return mapping
+    if mapping is None:
+        _other_frames(out, sub, frames, fitting, known)
+    return mapping
+
+
+def _other_frames(
+    out: FindingList,
+    sub: SubDevice,
+    frames: dict[int, list[int]],
+    fitting: Sequence[LibraryMapping],
+    known: LibraryDevice,
+) -> None:
     nearest = fitting[0]
     # Modular devices have other frames by design.
     modular = any(m.module_ident is not None or m.role == "main" for m in fitting)
@@ -66,7 +76,6 @@ def _frames(
         hint="the library may be wrong, or describe other modules: compare with the manual and ESI",
         severity=Severity.INFO if modular else None,
     )
-    return None
 
 
 def _without_frames(

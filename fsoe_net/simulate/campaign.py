@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
@@ -144,14 +144,7 @@ def run_campaign(
         EnvironmentFault: A device under test raised an exception or took its process with it, or
             the cluster or the file cannot be used.
     """
-    # Chunks are divided by number, not by process, so that the result does not depend on `jobs`.
-    chunks = [
-        (name, range(at, min(at + _CHUNK, count)))
-        for name in names
-        for count in [trial_count(config, name, faults)]
-        for at in range(0, count, _CHUNK)
-    ]
-    work = [(index, name, trials) for index, (name, trials) in enumerate(chunks)]
+    work = _pieces(config, names, faults)
     total = sum(len(trials) for _, _, trials in work)
     reports = _Reports(on_progress, total)
     # Starting a process takes longer than a few faults.
@@ -172,15 +165,27 @@ def run_campaign(
         # The results so far are kept, because campaigns run for hours.
         except KeyboardInterrupt:
             interrupted = True
-    # In the order of the work, whatever the order in which processes finish.
+    return CampaignResult(
+        config=config, faults=faults, classes=_merged(parts, names), interrupted=interrupted
+    )
+
+
+def _merged(parts: Mapping[int, ClassResult], names: Sequence[str]) -> tuple[ClassResult, ...]:
+    """Join in the order of the work, whatever the order in which processes finished."""
     found = [parts[index] for index in sorted(parts)]
     rows = [[part for part in found if part.name == name] for name in names]
-    return CampaignResult(
-        config=config,
-        faults=faults,
-        classes=tuple(merge(row) for row in rows if row),
-        interrupted=interrupted,
-    )
+    return tuple(merge(row) for row in rows if row)
+
+
+def _pieces(config: CampaignConfig, names: Sequence[str], faults: int) -> list[Piece]:
+    """Divide by number, not by process, so that the result does not depend on ``jobs``."""
+    chunks = [
+        (name, range(at, min(at + _CHUNK, count)))
+        for name in names
+        for count in [trial_count(config, name, faults)]
+        for at in range(0, count, _CHUNK)
+    ]
+    return [(index, name, trials) for index, (name, trials) in enumerate(chunks)]
 
 
 def save_failures(result: CampaignResult, folder: Path) -> dict[tuple[str, int], Path | None]:

@@ -172,16 +172,17 @@ def _subdevice(
         "identity": ""
         if device is None
         else f"vendor 0x{device.vendor_id:08x}, product 0x{device.product_code:08x}",
-        "pairs": [
-            {
-                "slot": pair.slot,
-                "sends_bytes": pair.sent_bytes,
-                "takes_bytes": 0 if pair.takes is None else pair.takes.frame_bytes,
-                "matched": pair.matched,
-                "connection": used.get((sub.name, pair.slot)),
-            }
-            for pair in pairs
-        ],
+        "pairs": [_pair(pair, used.get((sub.name, pair.slot))) for pair in pairs],
+    }
+
+
+def _pair(pair: FramePair, connection: int | None) -> Row:
+    return {
+        "slot": pair.slot,
+        "sends_bytes": pair.sent_bytes,
+        "takes_bytes": 0 if pair.takes is None else pair.takes.frame_bytes,
+        "matched": pair.matched,
+        "connection": connection,
     }
 
 

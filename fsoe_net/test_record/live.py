@@ -87,6 +87,19 @@ class LossTimes:
         """Connections that only became silent."""
         return sorted(self._silent - self._left_ns.keys())
 
+    def doubts(self) -> list[str]:
+        """Return what makes the time uncertain or hides it, in words."""
+        words = []
+        if self.silent:
+            names = ", ".join(self.silent)
+            words.append(f"{names} fell silent with both ends off the bus: no time seen")
+        if self.interruptions:
+            words.append(
+                f"{counted(self.interruptions, 'time')} the bus lost frames before it: the time is "
+                "uncertain"
+            )
+        return words
+
     def took_ms(self) -> float | None:
         """Return the time of the slowest connection, ms; ``None`` if it was not observed."""
         if self._lost_ns is None or not self._left_ns:
@@ -278,38 +291,31 @@ class _Watch:
         back: bool,
         stayed: int,
     ) -> StepResult:
+        took = times.took_ms()
+        time_is = ""
+        if took is not None:
+            took += self._cycle_ms  # from the last bus cycle with it, as on the emulated bus
+            time_is = (
+                "from the last bus cycle with it until its connections had left Data on the bus, "
+                f"to the bus cycle of {self._cycle_ms:g} ms; devices and outputs not in it"
+            )
         words = [f"{stayed} of {counted(len(before), 'connection')} in Data without it"]
         # A connection that sent FailSafeData proves nothing about its outputs.
         if idle := sorted(n for n in own if before[n] is ConnectionState.DATA_FAILSAFE):
             words.append(f"{', '.join(idle)} sent FailSafeData before, so outputs were off already")
-        if times.silent:
-            words.append(
-                f"{', '.join(times.silent)} fell silent with both ends off the bus: no time seen"
-            )
-        if times.interruptions:
-            words.append(
-                f"{counted(times.interruptions, 'time')} the bus lost frames before it: the "
-                f"time is uncertain"
-            )
+        words += times.doubts()
+        wrong = []
         if not left:
-            words.append("its connections stayed in Data")
+            wrong.append("its connections stayed in Data")
         if not back:
-            words.append("not all came back into Data")
-        took = times.took_ms()
-        if took is not None:
-            took += self._cycle_ms  # from the last bus cycle with it, as on the emulated bus
-        late = took is not None and step.limit_ms is not None and took > step.limit_ms
-        if late:
-            words.append(f"later than {step.limit_ms:g} ms")
-        fine = left and back and not late
+            wrong.append("not all came back into Data")
+        if took is not None and step.limit_ms is not None and took > step.limit_ms:
+            wrong.append(f"later than {step.limit_ms:g} ms")
         return StepResult(
-            outcome=StepOutcome.AS_EXPECTED if fine else StepOutcome.NOT_AS_EXPECTED,
+            outcome=StepOutcome.NOT_AS_EXPECTED if wrong else StepOutcome.AS_EXPECTED,
             measured_ms=took,
-            time_is=""
-            if took is None
-            else "from the last bus cycle with it until its connections had left Data on the "
-            f"bus, to the bus cycle of {self._cycle_ms:g} ms; devices and outputs not in it",
-            remark="; ".join([*words, "outputs are not seen here"]),
+            time_is=time_is,
+            remark="; ".join([*words, *wrong, "outputs are not seen here"]),
         )
 
     def _unfit(self, name: str, own: set[str]) -> str:

@@ -14,7 +14,6 @@ from fsoe_net.formats.sii.read import SiiImage, describe_sii, read_sii_categorie
 from fsoe_net.model.bus import Device, Direction, Entry, Pdo, Sdo, SyncManager, Watchdog
 from fsoe_net.model.description import DescribedSubDevice
 
-_PROCESS_DATA = range(2, 16)  # sync managers that assignment objects can refer to
 _WATCHDOG = 0x40
 _IDENTITY = {"vendor": (0x8, 1), "product": (0xA, 2), "revision": (0xC, 3), "serial": (0xE, 4)}
 _FORMATS = {1: "<B", 2: "<H", 4: "<I", 8: "<Q"}
@@ -132,22 +131,21 @@ def _managers(
     station = read.station
     registers = station.managers()
     stored = {} if from_sii is None else {m.index: m for m in from_sii.device.sync_managers}
-    has_mailbox = any(m.is_mailbox for m in registers.values())
+    mailboxes = {number for number, m in registers.items() if m.is_mailbox}
     found = []
     for number in range(16):
-        row = registers.get(number)
-        if row is not None and row.is_mailbox:
+        if number in mailboxes:
             continue
-        row = _enabled(row)
-        listed = station.assigned(number) if number in _PROCESS_DATA else None
+        row = _enabled(registers.get(number))
+        listed = station.assigned(number)
         sii = stored.get(number)
         # If any sync manager was written, the ones that were not written are not in use.
-        in_eeprom = sii is not None and bool(sii.pdos) and not registers
+        in_eeprom = not registers and _has_pdos(sii)
         if row is None and not listed and not in_eeprom:
             continue
         pdos = _pdos(read, number, listed, sii, row, findings)
         direction = _direction(row, sii, pdos, listed)
-        if direction is None or (pdos is None and row is None and not has_mailbox):
+        if direction is None or (pdos is None and row is None and not mailboxes):
             continue
         manager = SyncManager(
             index=number,
@@ -159,6 +157,10 @@ def _managers(
         )
         found.append((manager, row))
     return found
+
+
+def _has_pdos(manager: SyncManager | None) -> bool:
+    return manager is not None and bool(manager.pdos)
 
 
 def _enabled(row: Manager | None) -> Manager | None:

@@ -16,6 +16,7 @@ _LATCHED = range(0x0010, 0x0014)
 _MEMORY = 0x1000
 _OPERATIONAL = 8
 _ASSIGNMENTS = range(0x1C10, 0x1C30)
+_PROCESS_DATA = range(2, 16)  # sync managers that assignment objects can refer to
 _IDENTITY, _NAME, _MODULES = 0x1018, 0x1008, (0xF030, 0xF050)
 _PLAIN_BYTES = (1, 2, 4, 8)
 _MOST_BYTES = 64  # of a value that is stored
@@ -222,8 +223,11 @@ class Station:
         return int.from_bytes(data, "little") if data else None
 
     def assigned(self, manager: int) -> tuple[int, ...] | None:
-        """Return the PDOs of a sync manager; ``None`` if the object was not captured completely."""
-        return self._list(_ASSIGNMENTS.start + manager)
+        """Return the PDOs of a sync manager of process data.
+
+        ``None`` for one of a mailbox, or if the object was not captured completely.
+        """
+        return self._list(_ASSIGNMENTS.start + manager) if manager in _PROCESS_DATA else None
 
     def mapping(self, pdo: int) -> tuple[int, ...] | None:
         """Return the entries of a PDO: index, subindex and bits in 16, 8 and 8 bits."""

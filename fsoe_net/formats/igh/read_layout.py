@@ -138,8 +138,7 @@ def _why_cut(subs: list[_SubDevice]) -> str:
     if not sub.managers:
         return "nothing follows the header"
     last = sub.managers[-1]
-    entries = [pdo[2] for s in subs for m in s.managers for pdo in m.pdos]
-    if last.pdos and not entries[-1] and any(entries):
+    if last.pdos and not last.pdos[-1][2] and _has_entries(subs):
         return "the last PDO has no entries"
     if last.index < _FIRST_PROCESS_SM and last.control & 2:
         return f"nothing follows the mailbox SM{last.index}"
@@ -150,6 +149,10 @@ def _why_cut(subs: list[_SubDevice]) -> str:
     if 8 * last.default_size > last.bits:
         sub.doubt = "the text may be cut off: fewer bits than DefaultSize at its end"
     return ""
+
+
+def _has_entries(subs: list[_SubDevice]) -> bool:
+    return any(pdo[2] for s in subs for m in s.managers for pdo in m.pdos)
 
 
 # -- config ---------------------------------------------------------------------------------------

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.diagnostic import Span
@@ -145,24 +145,31 @@ def read_controllers(
     # A wildcard applies to each node; parameters of the node itself count first.
     general = [m for name in ("**", "*") for m in nodes.pop(name, ())]
     managers = nodes.pop(_MANAGER, [])
-    rates = [rate for m in (*managers, *general) if (rate := _update_rate(m, out)) is not None]
+    managers += general
+    rates = [rate for m in managers if (rate := _update_rate(m, out)) is not None]
+    found = [
+        _controller(name, node, _Parameters(maps=(*nodes.get(name, ()), *general)))
+        for name, node in _declared(managers, nodes).items()
+    ]
+    return tuple(rates), tuple(found)
+
+
+def _declared(
+    managers: Sequence[MapNode], nodes: Mapping[str, Sequence[MapNode]]
+) -> dict[str, MapNode]:
+    """Return where each controller has its type."""
     declared = {
         name: node
-        for manager in (*managers, *general)
+        for manager in managers
         for name, node in manager.pairs.items()
         if isinstance(node, MapNode) and node.text("type") is not None
     }
     # A spawner can also take the type from the parameters of the controller.
-    declared |= {
-        name: next(m for m in maps if m.text("type") is not None)
-        for name, maps in nodes.items()
-        if name not in declared and any(m.text("type") is not None for m in maps)
-    }
-    found = [
-        _controller(name, node, _Parameters(maps=(*nodes.get(name, ()), *general)))
-        for name, node in declared.items()
-    ]
-    return tuple(rates), tuple(found)
+    for name, maps in nodes.items():
+        own = next((m for m in maps if m.text("type") is not None), None)
+        if own is not None:
+            declared.setdefault(name, own)
+    return declared
 
 
 def _nodes(root: MapNode) -> Iterator[tuple[str, MapNode]]:
