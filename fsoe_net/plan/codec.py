@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 import struct
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import fields
-from itertools import islice, starmap
-from operator import attrgetter
+from io import BytesIO
+from itertools import starmap
 from typing import Any
 
 from fsoe_net.diag.pause import without_collector
@@ -84,48 +84,41 @@ class _Strings:
         known = self._offsets.get(text)
         if known is None:
             known = self._offsets[text] = len(self.data)
-            shown = re.sub(r"[\0-\x1f\x7f]", lambda bad: printable(bad[0]), text)
-            self.data += shown.encode("utf-8") + b"\0"
+            if not text.isprintable():
+                text = re.sub(r"[\0-\x1f\x7f]", lambda bad: printable(bad[0]), text)
+            self.data += text.encode("utf-8") + b"\0"
         return known
 
 
 @without_collector
 def encode_plan(plan: Plan) -> bytes:
     """Return the bytes of a plan. Equal plans give equal bytes on every platform."""
-    strings = _Strings()
-    sections = _encode_sections(plan, strings)
-    buses = _packed(BUS_RECORD, plan.buses, strings)
-    groups = _packed(GROUP_RECORD, plan.groups, strings)
-    sections.append((strings.data, STRING_BYTES))
-    # Later sections require the earlier ones, because a reader counts them by number.
-    if plan.safety_sha256 or buses or groups:
-        sections.append((bytearray.fromhex(plan.safety_sha256), HASH_BYTES))
-    if buses or groups:
-        sections.append((buses, BUS_RECORD.layout.size))
-    if groups:
-        sections.append((groups, GROUP_RECORD.layout.size))
     # The minor version is the number of added sections; old readers reject a plan that they would
-    # misread.
-    minor = len(sections) - SECTIONS
-    end = _HEADER.size + len(sections) * _ROW.size
-    table = bytearray()
-    for kind, (data, size) in enumerate(sections, start=1):
-        table += _ROW.pack(kind, end, len(data) // size, size)
+    # misread. Later sections require the earlier ones, because a reader counts them by number.
+    minor = int(plan.format.removeprefix(f"{MAJOR}."))
+    sizes = _SIZES[: SECTIONS + minor]
+    # One buffer, which becomes the result: a large plan is not in memory twice.
+    out = BytesIO()
+    out.write(bytes(_HEADER.size + len(sizes) * _ROW.size))
+    table = []
+    for kind, (size, chunks) in enumerate(zip(sizes, _contents(plan), strict=False), start=1):
         # Aligned, so that C can read the records in place; the file ends with its last section.
-        if kind < len(sections):
-            data += bytes(-(end + len(data)) % 4)
-        end += len(data)
-    header = _HEADER.pack(MAGIC, MAJOR, minor, end, 0, plan.cycle_ns, len(sections), 0)
-    front = bytearray(header + table)
-    crc = 0  # computed with its own field as 0
-    for part in (front, *(data for data, _ in sections)):
-        crc = zlib.crc32(part, crc)
-    struct.pack_into("<I", front, _CRC_OFFSET, crc)
-    return b"".join((front, *(data for data, _ in sections)))
+        out.write(bytes(-out.tell() % 4))
+        begin = out.tell()
+        out.writelines(chunks)
+        table.append(_ROW.pack(kind, begin, (out.tell() - begin) // size, size))
+    header = _HEADER.pack(MAGIC, MAJOR, minor, out.tell(), 0, plan.cycle_ns, len(sizes), 0)
+    out.seek(0)
+    out.writelines((header, *table))
+    with out.getbuffer() as data:
+        struct.pack_into("<I", data, _CRC_OFFSET, zlib.crc32(data))  # its own field was 0
+    return out.getvalue()
 
 
-def _encode_sections(plan: Plan, strings: _Strings) -> list[tuple[bytearray, int]]:
-    tables: tuple[Sequence[object], ...] = (
+def _contents(plan: Plan) -> Iterator[Iterable[bytes | bytearray]]:
+    """Yield the content of each section in parts; each must be read before the next one."""
+    strings = _Strings()
+    tables: tuple[Sequence[Any], ...] = (
         plan.subdevices,
         plan.sync_managers,
         plan.pdos,
@@ -136,35 +129,34 @@ def _encode_sections(plan: Plan, strings: _Strings) -> list[tuple[bytearray, int
         plan.copies,
         plan.connections,
     )
-    return [
-        (_packed(record, rows, strings), record.layout.size)
-        for record, rows in zip(RECORDS, tables, strict=True)
-    ]
+    for record, rows in zip(RECORDS, tables, strict=True):
+        yield _packed(record, rows, strings)
+    # Before the strings, which contain their names.
+    buses = list(_packed(BUS_RECORD, plan.buses, strings))
+    groups = list(_packed(GROUP_RECORD, plan.groups, strings))
+    yield (strings.data,)
+    yield (bytes.fromhex(plan.safety_sha256),)
+    yield buses
+    yield groups
 
 
-def _packed(record: Record, rows: Sequence[object], strings: _Strings) -> bytearray:
-    names = [field.name for field in record.named]
-    values_of: Callable[[Any], tuple[Any, ...]] = _VALUES.get(record.name, attrgetter(*names))
+def _packed(record: Record, rows: Sequence[Any], strings: _Strings) -> Iterator[bytes]:
+    values_of = _VALUES.get(record.name)
+    values: Iterable[Iterable[Any]] = rows if values_of is None else map(values_of, rows)
     texts = [n for n, field in enumerate(record.named) if field.type == "string"]
     layout = record.layout
     # SubDevices of one type have equal entries, which are packed once.
     if record.name == "entry":
-        known = {row: layout.pack(*values_of(row)) for row in dict.fromkeys(rows)}
-        return bytearray().join(map(known.__getitem__, rows))
+        known = {row: layout.pack(*row) for row in dict.fromkeys(rows)}
+        return map(known.__getitem__, rows)
 
-    def with_offsets(values: tuple[Any, ...]) -> list[Any]:
-        cells = list(values)
+    def with_offsets(row: Iterable[Any]) -> list[Any]:
+        cells = list(row)
         for n in texts:
             cells[n] = strings.add(cells[n])
         return cells
 
-    cells = map(with_offsets, map(values_of, rows)) if texts else map(values_of, rows)
-    packed = starmap(layout.pack, cells)
-    data = bytearray()
-    # By the thousand: a large bus has hundreds of thousands of rows, each of which is an object.
-    while some := b"".join(islice(packed, 1000)):
-        data += some
-    return data
+    return starmap(layout.pack, map(with_offsets, values) if texts else values)
 
 
 def _sdo_values(sdo: PlanSdo) -> tuple[int, ...]:
@@ -186,7 +178,7 @@ def _connection_values(c: PlanConnection) -> tuple[object, ...]:
     return *place, *(value or 0 for value in known), flags, *safe, c.app_parameters
 
 
-# Storage of rows that differs from their attributes.
+# Storage of rows that differs from their attributes; all others are tuples of the stored values.
 _VALUES: dict[str, Callable[[Any], tuple[object, ...]]] = {
     "sdo": _sdo_values,
     "symbol": _symbol_values,

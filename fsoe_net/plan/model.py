@@ -1,7 +1,8 @@
 """The copy plan in memory: plain records, numbered as in the file.
 
-Records that occur hundreds of thousands of times on a large bus are named tuples, because creating
-a frozen dataclass takes several times as long. They replace the `index` method of tuples.
+Records are named tuples of the stored values, in their order: a large bus has hundreds of
+thousands, and creating a frozen dataclass takes several times as long. They replace the `index`
+method of tuples. Records that are stored in another form may be data classes.
 """
 
 from __future__ import annotations
@@ -173,8 +174,7 @@ class PlanConnection(NamedTuple):
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PlanBus:
+class PlanBus(NamedTuple):
     """One of several buses: its SubDevices are consecutive. The cycle is in nanoseconds."""
 
     name: str
@@ -183,8 +183,7 @@ class PlanBus:
     subdevice_count: int
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PlanGroup:
+class PlanGroup(NamedTuple):
     """Consecutive SubDevices that may be absent; groups of one place exclude each other.
 
     ``place`` is empty without alternatives.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import random
 import struct
+import tracemalloc
 import zlib
 from dataclasses import replace
 from pathlib import Path
@@ -218,6 +219,19 @@ def test_tables_that_contradict_the_format_are_refused():
     ]:
         with pytest.raises(PlanFormatError, match=words):
             decode_plan(encode_plan(replace(plan, **change)))
+
+
+def test_a_large_plan_is_not_in_memory_twice():
+    plan = compile_plan(example("estop"))
+    plan = replace(plan, sync_managers=plan.sync_managers * 50_000)
+    tracemalloc.start()
+    try:
+        data = encode_plan(plan)
+        _, most = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert len(data) > 1_000_000
+    assert most < 1.5 * len(data)
 
 
 def test_a_name_outside_the_strings_is_refused():
