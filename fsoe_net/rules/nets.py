@@ -120,10 +120,9 @@ def _names(ctx: Context) -> None:
 
 
 def _main_instance(ctx: Context, number: int, net: Net, rows: list[ResolvedTransfer]) -> None:
-    used = sorted({m for row in rows for m in module_pair(row)})
     # A misspelt master is one finding, not one more for each transfer of its net.
     if net.safety_master is not None and net.safety_master not in ctx.names:
-        _unknown_master(ctx, number, net, rows, used)
+        _unknown_master(ctx, number, net, rows)
         return
     ends = [(r.transfer.source.module, r.transfer.destination.module) for r in rows]
     main = main_instance_of(net, ends)
@@ -133,7 +132,7 @@ def _main_instance(ctx: Context, number: int, net: Net, rows: list[ResolvedTrans
             net.span,
             f"net {net.name!r} does not say which SubDevice holds the FSoE MainInstance, and its "
             "transfers share none",
-            hint=f"add safety_master: with one of {few(_known(ctx, used), 20)}",
+            hint=f"add safety_master: with one of {few(_known(ctx, _modules(rows)), 20)}",
         )
         return
     _foreign_rows(ctx, number, net, rows, main)
@@ -144,13 +143,15 @@ def _foreign_rows(
 ) -> None:
     """FSN219: transfers that do not include the MainInstance of their net."""
     span = net.at("transfer_master" if "transfer_master" in net.fields else "safety_master")
-    ends = [(r.transfer.source.module, r.transfer.destination.module) for r in rows]
+    foreign = [r for r in rows if main not in module_pair(r)]
     # The net of a transfer with an unknown end is unclear.
-    sure = [r for r in rows if module_pair(r) <= ctx.names]
-    foreign = [r for r in sure if main not in module_pair(r)]
+    foreign = [r for r in foreign if module_pair(r) <= ctx.names]
+    if not foreign:
+        return
+    ends = [(r.transfer.source.module, r.transfer.destination.module) for r in rows]
     shared = shared_modules(ends) & ctx.names
     # All transfers share another SubDevice: the stated master is the mistake.
-    if foreign and len(shared) == 1 and net.safety_master is not None:
+    if len(shared) == 1 and net.safety_master is not None:
         # All transfers share one SubDevice, but not the stated one.
         ctx.unsure_nets.add(number)
         other = shared.pop()
@@ -175,15 +176,19 @@ def _foreign_rows(
         )
 
 
+def _modules(rows: list[ResolvedTransfer]) -> list[str]:
+    """Return the names in these transfers."""
+    return sorted({name for row in rows for name in module_pair(row)})
+
+
 def _known(ctx: Context, names: list[str]) -> list[str]:
     """Return the names that exist; if none does, all existing names."""
     return [n for n in names if n in ctx.names] or sorted(ctx.names)
 
 
-def _unknown_master(
-    ctx: Context, number: int, net: Net, rows: list[ResolvedTransfer], used: list[str]
-) -> None:
+def _unknown_master(ctx: Context, number: int, net: Net, rows: list[ResolvedTransfer]) -> None:
     stated = net.safety_master or ""
+    used = _modules(rows)
     ctx.unsure_nets.add(number)
     span = net.at("transfer_master" if "transfer_master" in net.fields else "safety_master")
     # FSoE ends need certified hardware; the PC that runs the bus is not an FSoE end.
@@ -286,6 +291,8 @@ def _crossed(ctx: Context, connection: Connection) -> None:
 
 
 def _facts(ctx: Context) -> None:
+    if not ctx.resolution.unmatched_facts:
+        return
     pairs = {(c.main.name, c.sub.name) for c in ctx.resolution.connections}
     ours = Guesses(f"{main}-{sub}" for main, sub in sorted(pairs))
     singles = {module_pair(row) for row in ctx.resolution.single}
