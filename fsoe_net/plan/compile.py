@@ -234,17 +234,18 @@ class _Compiler:
         copied: set[tuple[int, int]],
     ) -> None:
         sm_number = len(self.sync_managers)
-        # Hundreds of thousands of rows, which `_make` creates three times as fast as keywords.
+        # Hundreds of thousands of rows, created in a quarter of the time of a call with keywords.
         row = (number, *shared.manager, len(self.pdos), len(shared.pdos))
-        self.sync_managers.append(PlanSyncManager._make(row))
+        self.sync_managers.append(tuple.__new__(PlanSyncManager, row))
         first_entry = len(self.entries)
         self.pdos += [
-            PlanPdo._make((index, first_entry + first, count, bit_offset))
+            tuple.__new__(PlanPdo, (index, first_entry + first, count, bit_offset))
             for index, first, count, bit_offset in shared.pdos
         ]
         self.entries += shared.entries
         self.blocks += [
-            PlanBlock._make((sm_number, *places, key in copied)) for key, places in shared.frames
+            tuple.__new__(PlanBlock, (sm_number, *places, key in copied))
+            for key, places in shared.frames
         ]
         for symbol in shared.symbols:
             self._symbol(sub, symbol, sm_number)

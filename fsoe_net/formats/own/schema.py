@@ -155,7 +155,7 @@ class _Forms:
         self._worded = worded
         self._numbers: dict[object, int] = {}
         self._samples: list[Any] = []  # a plain value of each form
-        self._scalars: dict[tuple[str, bool], int] = {}
+        self._scalars: tuple[dict[str, int], dict[str, int]] = ({}, {})  # not plain, plain
 
     def sample(self, root: Node) -> Any:
         """Return the document as plain values; its lists contain one map or list of each form."""
@@ -163,7 +163,7 @@ class _Forms:
 
     def _of(self, node: Node, key: str = "") -> int:
         if isinstance(node, ScalarNode):
-            known = None if key in self._worded else self._scalars.get((node.text, node.plain))
+            known = None if key in self._worded else self._scalars[node.plain].get(node.text)
             return self._of_scalar(node, key) if known is None else known
         if isinstance(node, MapNode):
             pairs = node.pairs
@@ -193,7 +193,7 @@ class _Forms:
         # JSON Schema counts 2.0 as an integer.
         form = (type(value), isinstance(value, float) and value.is_integer())
         number = self._numbers[form] if form in self._numbers else self._new(form, value)
-        self._scalars[node.text, node.plain] = number
+        self._scalars[node.plain][node.text] = number
         return number
 
     def _new(self, form: object, sample: Any) -> int:

@@ -39,8 +39,8 @@ def _place(line: int, column: int) -> int:
 
 def span_of(file: str, place: int) -> Span:
     """Return a place that was packed into one number."""
-    # In a third of the time of a call with three arguments, for hundreds of thousands.
-    return Span._make((file, (place >> COLUMN_BITS) + 1, (place & _COLUMN_MASK) + 1))
+    # In a quarter of the time of a call with three arguments, for hundreds of thousands.
+    return tuple.__new__(Span, (file, (place >> COLUMN_BITS) + 1, (place & _COLUMN_MASK) + 1))
 
 
 @dataclass(slots=True, eq=False)
