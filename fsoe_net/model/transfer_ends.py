@@ -101,9 +101,10 @@ def find_end(endpoint: Endpoint, sub: SubDevice | None, wanted: Direction) -> Re
         complete = all(sm.complete for sm in layout.managers)
         miss = Miss.ENTRY if complete else Miss.LAYOUT
         return ResolvedEnd(endpoint=endpoint, subdevice=sub, miss=miss)
-    # An object can be mapped in both directions.
-    right = (place for place in found if place.sm.sm.direction is wanted)
-    sm, placed, block = next(right, found[0])
+    sm, placed, block = found[0]
+    if len(found) > 1:  # an object can be mapped in both directions
+        right = (place for place in found if place.sm.sm.direction is wanted)
+        sm, placed, block = next(right, found[0])
     return ResolvedEnd(
         endpoint=endpoint,
         subdevice=sub,
