@@ -72,9 +72,9 @@ def test_a_lifecycle_from_configure_to_cleanup(each: Path, robot: Master, reader
         system.sends(lambda: reader.value(OUTPUT) is True)
         system.goes("deactivate")
         reader.wait_for(OUTPUT, False)
-        system.goes("cycle 3", "activate", "cycle 3")
-        assert reader.value(OUTPUT) is False  # a command of the activation before does not count
-        system.goes(f"set {LAMP} 1")
+        system.goes("cycle 3", "activate", f"set {LAMP} 1", "cycle 20")
+        assert reader.value(OUTPUT) is False  # a controller of the activation before does not count
+        system.goes(f"start {LAMP}", f"set {LAMP} 1")
         system.sends(lambda: reader.value(OUTPUT) is True)
         system.goes("cleanup")
         assert system.ask("get el6910-el1904/state") == "nan"
@@ -223,12 +223,12 @@ def test_a_frozen_fsn_master_ends_commands_and_states_return_by_themselves(progr
                 os.kill(master.process.pid, signal.SIGCONT)
             system.until(f"get {STATE}", "0")
             system.until(f"get {INPUT}", "0")
-            # The command is still there, and a controller has it; it needs an activation.
+            # The command is still there, and a controller has it; both need an activation.
             system.goes("cycle 20")
             assert reader.value(OUTPUT) is False
-            system.goes("activate", "cycle 20")
+            system.goes("activate", f"set {LAMP} 1", "cycle 20")
             assert reader.value(OUTPUT) is False
-            system.goes(f"set {LAMP} 1")
+            system.goes(f"start {LAMP}", f"set {LAMP} 1")
             system.sends(lambda: reader.value(OUTPUT) is True)
             assert "set_hardware_component_state" in system.end()
 
@@ -250,9 +250,9 @@ def test_a_fault_is_an_error_in_humble_which_has_no_other_value() -> None:
             reader.good("start")
             while reader.good("status")["state"] != "running":
                 pass
-            system.goes("configure", "activate", "cycle 20")
-            assert reader.value(OUTPUT) is False
-            system.goes(f"set {LAMP} 1")
+            system.goes("configure", "activate", f"set {LAMP} 1", "cycle 20")
+            assert reader.value(OUTPUT) is False  # its controller is still active
+            system.goes(f"start {LAMP}", f"set {LAMP} 1")
             system.sends(lambda: reader.value(OUTPUT) is True)
 
 
@@ -281,7 +281,7 @@ def test_states_return_when_fsn_master_is_started_again(program: Path, tmp_path:
             system.until(f"get {INPUT}", "0")
             system.goes("cycle 20")
             assert reader.value(OUTPUT) is False
-            system.goes("activate", f"set {LAMP} 1")
+            system.goes("activate", f"start {LAMP}", f"set {LAMP} 1")
             system.sends(lambda: reader.value(OUTPUT) is True)
         said = system.end()
     assert "the plan has no input el6910.logic_state" in said

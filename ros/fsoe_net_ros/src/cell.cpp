@@ -67,13 +67,13 @@ void Cell::activate() {
     // Names were found in the plan of the reader: both must be of one run of the bus.
     if (fsn_realtime_wait(link_->reader(), 0, nullptr) == FSN_E_STATE) {
         link_->ended = true;
-        deactivate();
+        close_writer();
         throw Fault("the bus was stopped and started again; activate again in a moment");
     }
     try {
         open_axes();
     } catch (const Fault &) {
-        deactivate();
+        close_writer();
         throw;
     }
     seen_ = is_lost_ = is_fresh_ = false;
@@ -85,6 +85,13 @@ void Cell::activate() {
 }
 
 void Cell::deactivate() {
+    close_writer();
+    for (Command &command : commands_) {
+        command.claimed = false;  // its controller may still be active, as always after a fault on Humble
+    }
+}
+
+void Cell::close_writer() {
     fsn_realtime_close(writer_);
     writer_ = nullptr;
 }

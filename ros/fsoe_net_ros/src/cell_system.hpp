@@ -174,7 +174,9 @@ public:
         if (written) {
             return return_type::OK;
         }
-        RCLCPP_ERROR(logger(), "%s; activate the hardware again after the cause is gone",
+        RCLCPP_ERROR(logger(),
+                     "%s; after the cause is gone activate the hardware again, then its controllers (on Humble "
+                     "deactivate them before)",
                      cell_->fault().c_str());
 #if HARDWARE_INTERFACE_VERSION_MAJOR >= 4
         return return_type::DEACTIVATE;

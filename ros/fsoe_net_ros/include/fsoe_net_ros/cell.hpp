@@ -143,7 +143,8 @@ public:
     /** What an axis has done by itself in the last write(), empty if nothing. */
     const std::string &notice() const { return notice_; }
 
-    /** Gives the outputs back: they take their stop values. States are still read. Does not wait. */
+    /** Gives the outputs back: they take their stop values, until a controller claims them again. States are
+     *  still read. Does not wait. */
     void deactivate();
 
     /** Gives the outputs back and disconnects, without waiting for any thread: what an error in the
@@ -176,6 +177,7 @@ private:
     std::vector<std::string> output_names() const;
     AxisCommand find_axis(const Command &command, const struct fsn_realtime_symbol &symbol) const;
     void open_axes();
+    void close_writer();
     void take_fresh_link();
     void show(double &number, const Link &link, std::size_t row, bool has_cycle, bool is_stalled) const;
     const char *find_fault(int status, bool is_stalled, bool is_incomplete) const;
