@@ -171,7 +171,7 @@ class Arm(Shoulder):
             self.start_master()
             self.watch_master()
         wait_for("the bus", self.running.in_data)
-        wait_for("states", lambda: all(map(math.isfinite, self.positions(*self.JOINTS))))
+        self.restore()
         self.observe(0.5)
         while not (self.is_enabled() and self.manager.ask("states")["arm"] == "active"):
             self.manager.ask("hardware", "cell", "active")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import ClassVar
 
@@ -65,6 +66,17 @@ class Shoulder(Drive):
         """State, target and actual position of the drive, and the position of the joint."""
         position, _ = self.counts()
         return [self.state(), self.object(0x607A), self.object(0x6064), position]
+
+    def restore(self):
+        """Wait for states after a fault, which in Humble has also unconfigured the hardware."""
+
+        def has_states():
+            if self.manager.ask("states")[self.cell] == "unconfigured":
+                self.manager.ask("hardware", self.cell, "inactive")
+            joints = self.manager.joints()
+            return all(math.isfinite(joints[joint][0]) for joint in self.JOINTS)
+
+        wait_for("states", has_states)
 
     def acknowledge(self):
         while any(map(self.has_sto, self.JOINTS.values())):

@@ -18,10 +18,13 @@ from tied import tied
 
 PYTHON = os.environ.get("FSN_ROS2_PYTHON", "/usr/bin/python3")
 """The Python of the installation."""
+HUMBLE = os.environ.get("ROS_DISTRO") == "humble"
 
 JOINT = """<link name="{name}_link"/><joint name="{name}" type="revolute"><parent link="base"/>
   <child link="{name}_link"/><axis xyz="0 0 1"/>
   <limit lower="-3" upper="3" velocity="0.5" effort="30"/></joint>"""
+DESCRIPTION = ("-r", "~/robot_description:=/robot_description")
+"""The controller manager of Humble looks for it in its own namespace."""
 Joints = dict[str, tuple[float, float]]
 
 
@@ -184,6 +187,6 @@ class Manager(Started):
         given.write_text(json.dumps(rows), "utf-8")
         program = find_program("controller_manager", "ros2_control_node")
         assert program is not None
-        words = (program, "--ros-args", "--params-file", given)
+        words = (program, "--ros-args", "--params-file", given, *DESCRIPTION)
         super().__init__(folder / "manager.log", environment_with(package, domain), *words)
         self.ask("describe", description)

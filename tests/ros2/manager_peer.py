@@ -108,7 +108,8 @@ class Peer:
         states = {"active": State.PRIMARY_STATE_ACTIVE, "inactive": State.PRIMARY_STATE_INACTIVE}
         states["unconfigured"] = State.PRIMARY_STATE_UNCONFIGURED
         target = State(id=states[label], label=label)
-        return self.call("set_hardware_component_state", name=name, target_state=target).ok
+        reply = self.call("set_hardware_component_state", name=name, target_state=target)
+        return reply.ok and reply.state.label == label  # in Humble `ok` alone says less
 
     def states(self):
         """Return the state of each component and controller."""

@@ -18,7 +18,7 @@ import pytest
 from live.on_the_wire import on_the_wire
 from master.rig import Client, Master
 from master.rig import running as master_running
-from ros2.manager import Manager, cell_of, description_of, find_program
+from ros2.manager import HUMBLE, Manager, cell_of, description_of, find_program
 from ros2.package import COUNTS_PER_RAD, motors, reversed_cell
 
 pytestmark = pytest.mark.skipif(
@@ -134,8 +134,9 @@ def test_an_arm_that_loses_its_fsn_master_does_not_disturb_the_other(
         assert seen[outcome] == [SUCCEEDED, 0], seen
         for counts, goal in zip(seen[actual], goals, strict=True):
             assert abs(counts + COUNTS_PER_RAD * goal) < 20, seen
-    for arm, state in (("left", "inactive"), ("right", "active")):
-        assert seen["lost"][arm] == seen["lost"][f"{arm}_arm"] == state, seen
+    left = ("unconfigured", "active") if HUMBLE else ("inactive", "inactive")
+    for arm, states in (("left", left), ("right", ("active", "active"))):
+        assert (seen["lost"][arm], seen["lost"][f"{arm}_arm"]) == states, seen
     assert ENABLED not in seen["returned"], seen  # nothing starts by itself
 
 
@@ -166,8 +167,11 @@ def test_an_output_follows_its_controller(cell: tuple[Manager, Path]) -> None:
         manager.goes("switch", ["lamp"], [])
         stays(reader, value=False)
         turn_on(manager, reader)
-        manager.goes("command", "lamp", math.nan)  # which this controller drops
-        stays(reader, value=True)
+        manager.goes("command", "lamp", math.nan)
+        if HUMBLE:
+            reader.wait_for(LAMP, False)
+            turn_on(manager, reader)
+        stays(reader, value=True)  # since Jazzy this controller drops it
         manager.goes("switch", [], ["lamp"])
         reader.wait_for(LAMP, False)
         manager.goes("switch", ["lamp"], [])
@@ -175,6 +179,9 @@ def test_an_output_follows_its_controller(cell: tuple[Manager, Path]) -> None:
         turn_on(manager, reader)
         manager.goes("hardware", "cell", "inactive")
         reader.wait_for(LAMP, False)
+        manager.goes("hardware", "cell", "active")
+        assert manager.ask("states")["lamp"] == "active"  # and commands the lamp in each cycle
+        stays(reader, value=False)
 
 
 def turn_on(manager: Manager, reader: Client) -> None:
@@ -189,13 +196,15 @@ def stays(reader: Client, *, value: bool) -> None:
 
 
 def lamp_is_lost(manager: Manager, master: Master, number: signal.Signals) -> None:
-    """Turn the lamp on, send a signal to fsn-master, and expect that only its cell ends."""
+    """Turn the lamp on, send a signal to fsn-master, and expect that only its cell ends. Humble
+    unconfigures the cell, and ends no controller."""
     manager.goes("switch", ["lamp"], [])
     with master.client() as reader:
         turn_on(manager, reader)
     manager.ask("gap")
     os.kill(master.process.pid, number)
-    manager.until_states(cell="inactive", lamp="inactive", mock="active", other="active")
+    cell, lamp = ("unconfigured", "active") if HUMBLE else ("inactive", "inactive")
+    manager.until_states(cell=cell, lamp=lamp, mock="active", other="active")
     manager.until(
         lambda: manager.ask("command", "other", 0.25) and manager.joints()["second"][0] == 0.25
     )
@@ -207,6 +216,8 @@ def lamp_returns(manager: Manager, socket: Path, master: Master) -> None:
     start(manager, socket, master)
     with master.client() as reader:
         stays(reader, value=False)
+        if HUMBLE:
+            manager.goes("switch", [], ["lamp"])
         manager.goes("switch", ["lamp"], [])
         stays(reader, value=False)
         turn_on(manager, reader)
@@ -257,11 +268,13 @@ def test_controllers_run_while_a_component_waits_for_fsn_master(cell: tuple[Mana
             assert manager.ask("hardware", "cell", "active") is False
             assert time.monotonic() - begun_s > REPLY_S / 2  # it has waited
             manager.joints()
-            assert manager.ask("gap") < REPLY_S / 2
+            longest_s = 1.5 * REPLY_S if HUMBLE else REPLY_S / 2  # its loop waits as well
+            assert manager.ask("gap") < longest_s
         finally:
             os.kill(master.process.pid, signal.SIGCONT)
 
 
+@pytest.mark.skipif(HUMBLE, reason="there it has no services if a component is not active")
 @pytest.mark.parametrize("continues", [True, False])
 def test_the_manager_starts_without_fsn_master(
     package: Path, domain: int, tmp_path: Path, continues: bool
