@@ -13,6 +13,7 @@ from fsoe_net.model.drives import (
     CONTROLWORD,
     GENERIC_PLUGINS,
     MODE_OF_OPERATION,
+    ROS_PACKAGE_DRIVER,
     TARGET_POSITION,
     drive_axes,
 )
@@ -89,8 +90,10 @@ def _is_fixed(entry: Entry) -> bool:
     return entry.default is not None and math.isfinite(entry.default)
 
 
-def _unread(axis: _Axis) -> list[int]:
+def _unread(axis: _Axis, sub: SubDevice) -> list[int]:
     """Return the inputs that the plugin needs to send the actual position as target."""
+    if sub.hardware == ROS_PACKAGE_DRIVER:
+        return []  # it does not run the plugin, and sends that position by itself
     target = axis.outputs.get(TARGET_POSITION)
     missing = [i for i in (_MODE_DISPLAY, _ACTUAL_POSITION) if i not in axis.inputs]
     # Without a mode, a fixed target is sent.
@@ -138,7 +141,7 @@ def _mode(ctx: Context, axis: _Axis, sub: SubDevice, *, by_plugin: bool) -> None
                 hint="map 0x6060 in an RxPDO, or write it with a start-up SDO",
             )
         return
-    waits = by_plugin and _MODE_DISPLAY in _unread(axis)
+    waits = by_plugin and _MODE_DISPLAY in _unread(axis, sub)
     if _MODE_DISPLAY not in axis.inputs and not waits:
         ctx.add(
             "FSN474",
@@ -184,7 +187,7 @@ def _targets(ctx: Context, axis: _Axis, sub: SubDevice, *, by_plugin: bool) -> N
     target = axis.outputs.get(TARGET_POSITION)
     # Other modes do not follow a target position.
     if target is not None and (stated is None or stated[0] == 8):
-        unread = _unread(axis) if by_plugin else []
+        unread = _unread(axis, sub) if by_plugin else []
         if unread:
             names = " and ".join(axis.object(i) for i in unread)
             ctx.add(
@@ -195,7 +198,7 @@ def _targets(ctx: Context, axis: _Axis, sub: SubDevice, *, by_plugin: bool) -> N
                 "and the axis runs to 0 as soon as the drive is enabled",
                 hint=f"map {names} in a TxPDO",
             )
-        _position(ctx, axis, target, by_plugin=by_plugin)
+        _position(ctx, axis, sub, target, by_plugin=by_plugin)
 
 
 def _commanded_targets(ctx: Context, axis: _Axis, sub: SubDevice, stated: tuple[int, Span]) -> None:
@@ -220,8 +223,10 @@ def _commanded_targets(ctx: Context, axis: _Axis, sub: SubDevice, stated: tuple[
         )
 
 
-def _position(ctx: Context, axis: _Axis, target: Entry, *, by_plugin: bool) -> None:
-    if _ACTUAL_POSITION not in axis.inputs and not (by_plugin and _unread(axis)):
+def _position(
+    ctx: Context, axis: _Axis, sub: SubDevice, target: Entry, *, by_plugin: bool
+) -> None:
+    if _ACTUAL_POSITION not in axis.inputs and not (by_plugin and _unread(axis, sub)):
         ctx.add(
             "FSN471",
             target.span,

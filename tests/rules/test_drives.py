@@ -38,6 +38,7 @@ GENERIC = ["robot.urdf", PLUGIN, "ethercat_generic_plugins/GenericEcSlave"]
 NO_ACTUAL = [DRIVE, "0x6064, sub_index: 0", "0x606c, sub_index: 0"]
 NO_STATUS = [DRIVE, "0x6041, sub_index: 0", "0x603f, sub_index: 0"]
 ROBOT = "robot.urdf"
+PACKAGE = [ROBOT, "ethercat_driver/EthercatDriver", "fsoe_net_ros/EthercatDriver"]
 COMMAND = '<command_interface name="position"/>'
 NO_MODE = [ROBOT, '<param name="mode_of_operation">8</param>', ""]
 FIXED = [DRIVE, TARGET, "type: int32, default: 5, command_interface: position}"]
@@ -114,6 +115,9 @@ CASES = {
         [start_up(9), HIDDEN, [DRIVE, "0x607a, sub_index: 0", "0x60ff, sub_index: 0"]],
         [],
     ),
+    "this project does not wait for the mode": ([HIDDEN, PACKAGE], []),
+    "the same with a mode that the drive may refuse": ([mode(8), HIDDEN, PACKAGE], ["FSN474"]),
+    "this project does not read where the axis is": ([NO_ACTUAL, PACKAGE], ["FSN471"]),
     "the mode is not shown to another plugin": ([mode(8), HIDDEN, GENERIC], ["FSN474"]),
     "a plugin that replaces it": ([mode(8), FIXED], []),
     "the same with another plugin": (
