@@ -8,7 +8,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -18,31 +18,25 @@ C_BUILD = COPY.with_name("c")
 SITE = """import sys
 sys.meta_path[:] = [f for f in sys.meta_path if "ScikitBuild" not in type(f).__name__]
 """
-BUILT = ("build", "dist", ".venv", ".git", "__pycache__", ".hypothesis")
+BUILT = ("build", "dist", ".venv", ".git", "__pycache__", ".hypothesis", "*_cache", "*.so", "*.pyc")
 PASSED, NOTHING_RAN = 0, 5
 
 
-def _sources() -> Iterator[str]:
-    """Yield the files of the project, relative to it; nothing that was built."""
-    for folder, inner, files in os.walk(ROOT):
-        inner[:] = [n for n in inner if n not in BUILT and not n.endswith("_cache")]
-        for name in files:
-            path = Path(folder, name)
-            if path.suffix not in (".so", ".pyc") and path.is_file():
-                yield str(path.relative_to(ROOT))
+def _copy(source: str, target: str) -> None:
+    """Copy a file that differs; another keeps its time, so that C is not built again."""
+    path, copied = Path(source), Path(target)
+    is_same = copied.is_file() and path.is_file() and copied.read_bytes() == path.read_bytes()
+    if path.is_file() and not is_same:
+        shutil.copy(path, copied)
 
 
 def make() -> None:
-    """Make the copy again; unchanged files keep their time, so that C is not built again."""
-    names = set(_sources())
+    """Make the copy again, of everything but what was built."""
     for old in COPY.rglob("*.py"):
-        if str(old.relative_to(COPY)) not in names:
+        if not (ROOT / old.relative_to(COPY)).is_file():
             old.unlink()
-    for name in names:
-        source, target = ROOT / name, COPY / name
-        target.parent.mkdir(parents=True, exist_ok=True)
-        if not target.is_file() or target.read_bytes() != source.read_bytes():
-            shutil.copy(source, target)
+    ignore = shutil.ignore_patterns(*BUILT)
+    shutil.copytree(ROOT, COPY, ignore=ignore, copy_function=_copy, dirs_exist_ok=True)
     (COPY / "sitecustomize.py").write_text(SITE)
     core = subprocess.run(
         [sys.executable, "-c", "from fsoe_net.core import _core; print(_core.__file__)"],
