@@ -17,6 +17,7 @@
 #include "fsn/plan.h"
 #include "rt/bytes.h"
 #include "rt/clock.h"
+#include "rt/number.h"
 #include "rt/shared.h"
 #include "rt/words.h"
 
@@ -505,34 +506,13 @@ uint64_t fsn_realtime_get(const struct fsn_realtime *realtime, int32_t number) {
     return symbol == NULL ? 0 : fsn_read_bits(realtime->image, symbol->bit_offset, symbol->bits);
 }
 
-static bool is_real(const struct fsn_shared_symbol *symbol) {
-    return symbol->kind == FSN_KIND_REAL && (symbol->bits == 32 || symbol->bits == 64);
-}
-
-/** The number for these bits. */
-static double number_of(const struct fsn_shared_symbol *symbol, uint64_t raw) {
-    if (is_real(symbol) && symbol->bits == 32) {
-        const uint32_t bits = (uint32_t)raw;
-        float number;
-        memcpy(&number, &bits, sizeof number);
-        return (double)number;
-    }
-    if (is_real(symbol)) {
-        double number;
-        memcpy(&number, &raw, sizeof number);
-        return number;
-    }
-    const uint64_t sign = UINT64_C(1) << (symbol->bits - 1);
-    return symbol->kind == FSN_KIND_SIGNED && (raw & sign) != 0 ? -(double)((~raw & (sign - 1)) + 1)
-                                                                : (double)raw;
-}
-
 double fsn_realtime_value(const struct fsn_realtime *realtime, int32_t number) {
     const struct fsn_shared_symbol *symbol = symbol_of(realtime, number);
     if (symbol == NULL || symbol->bits == 0) {
         return 0;
     }
-    const double raw = number_of(symbol, fsn_realtime_get(realtime, number));
+    const double raw =
+        fsn_number_of(symbol->kind, symbol->bits, fsn_realtime_get(realtime, number));
     if (symbol->kind == FSN_KIND_BOOL) {
         return raw;
     }
@@ -548,37 +528,16 @@ fsn_status fsn_realtime_set(struct fsn_realtime *realtime, int32_t number, uint6
     return FSN_OK;
 }
 
-/** The bits of a number; false: it is outside the range of the type. */
-static bool bits_of(const struct fsn_shared_symbol *symbol, double number, uint64_t *raw) {
-    if (is_real(symbol)) {
-        const float narrow = (float)number;
-        uint32_t bits;
-        memcpy(&bits, &narrow, sizeof bits);
-        memcpy(raw, &number, sizeof *raw);
-        *raw = symbol->bits == 32 ? bits : *raw;
-        return number - number == 0 && (symbol->bits == 64 || narrow - narrow == 0);
-    }
-    const bool is_signed = symbol->kind == FSN_KIND_SIGNED;
-    double end = 1; /* the first value that is too large */
-    for (unsigned i = is_signed; i < symbol->bits; i++) {
-        end *= 2;
-    }
-    if (!(number < end - 0.5 && number > (is_signed ? -end : 0) - 0.5)) {
-        return false;
-    }
-    const uint64_t magnitude = (uint64_t)((number < 0 ? -number : number) + 0.5);
-    *raw = number < 0 ? 0 - magnitude : magnitude;
-    return true;
-}
-
 fsn_status fsn_realtime_set_value(struct fsn_realtime *realtime, int32_t number, double value) {
     const struct fsn_shared_symbol *symbol = symbol_of(realtime, number);
     uint64_t raw;
     if (symbol == NULL || realtime->slot[number] == 0) {
         return FSN_E_CLOSED;
     }
-    const bool scaled = symbol->kind != FSN_KIND_BOOL;
-    if (!bits_of(symbol, scaled ? symbol->factor * value + symbol->offset : value, &raw)) {
+    if (symbol->kind != FSN_KIND_BOOL) {
+        value = symbol->factor * value + symbol->offset;
+    }
+    if (!fsn_bits_of(symbol->kind, symbol->bits, value, &raw)) {
         return FSN_E_ARG;
     }
     return fsn_realtime_set(realtime, number, raw);

@@ -2,13 +2,10 @@
 
 #include <ctype.h>
 #include <errno.h>
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-static bool is_real(const struct fsn_symbol_info *symbol) {
-    return symbol->kind == FSN_KIND_REAL && (symbol->bits == 32 || symbol->bits == 64);
-}
+#include "rt/number.h"
 
 /** Reads an integer: sign and magnitude. */
 static bool whole(const char *text, bool *negative, uint64_t *magnitude) {
@@ -40,17 +37,9 @@ static const char *parse_whole(const struct fsn_symbol_info *symbol, const char 
     if (!whole(text, &negative, &magnitude)) {
         return "not an integer of at most 64 bits";
     }
-    const bool is_signed = symbol->kind == FSN_KIND_SIGNED;
-    const uint64_t mask = symbol->bits == 64 ? UINT64_MAX : (UINT64_C(1) << symbol->bits) - 1;
-    uint64_t most = is_signed ? mask >> 1 : mask;
-    if (negative) {
-        most = is_signed ? most + 1 : 0;
-    }
-    if (magnitude > most) {
-        return "outside the range of its type";
-    }
-    *raw = (negative ? 0 - magnitude : magnitude) & mask;
-    return NULL;
+    return fsn_bits_of_integer(symbol->kind, symbol->bits, negative, magnitude, raw)
+               ? NULL
+               : "outside the range of its type";
 }
 
 static bool read_real(const char *text, double *number) {
@@ -63,25 +52,15 @@ static bool read_real(const char *text, double *number) {
     return *end == 0;
 }
 
-static const char *store_real(const struct fsn_symbol_info *symbol, double number, uint64_t *raw) {
-    if (!isfinite(number) || (symbol->bits == 32 && !isfinite((float)number))) {
-        return "outside the range of its type";
-    }
-    if (symbol->bits == 32) {
-        const float narrow = (float)number;
-        uint32_t bits;
-        memcpy(&bits, &narrow, sizeof bits);
-        *raw = bits;
-    } else {
-        memcpy(raw, &number, sizeof *raw);
-    }
-    return NULL;
+static const char *store(const struct fsn_symbol_info *symbol, double number, uint64_t *raw) {
+    return fsn_bits_of(symbol->kind, symbol->bits, number, raw) ? NULL
+                                                                : "outside the range of its type";
 }
 
 const char *fsn_value_parse(const struct fsn_symbol_info *symbol, const char *text, uint64_t *raw) {
-    if (is_real(symbol)) {
+    if (fsn_is_real(symbol->kind, symbol->bits)) {
         double number;
-        return read_real(text, &number) ? store_real(symbol, number, raw) : "no number";
+        return read_real(text, &number) ? store(symbol, number, raw) : "no number";
     }
     if (symbol->kind == FSN_KIND_BOOL || symbol->bits == 1) {
         if (strcmp(text, "true") == 0 || strcmp(text, "on") == 0 || strcmp(text, "1") == 0) {
@@ -101,20 +80,6 @@ static bool is_scaled(const struct fsn_symbol_info *symbol) {
     return symbol->kind != FSN_KIND_BOOL && !(symbol->factor == 1 && symbol->offset == 0);
 }
 
-static const char *store_whole(const struct fsn_symbol_info *symbol, double number, uint64_t *raw) {
-    const bool is_signed = symbol->kind == FSN_KIND_SIGNED;
-    const double end = ldexp(1, symbol->bits - (is_signed ? 1 : 0)); /* first invalid one */
-    const double rounded = round(number);
-    if (!(rounded < end && rounded >= (is_signed ? -end : 0))) {
-        return "outside the range of its type";
-    }
-    const uint64_t mask = symbol->bits == 64 ? UINT64_MAX : (UINT64_C(1) << symbol->bits) - 1;
-    const uint64_t magnitude = (uint64_t)fabs(rounded);
-    /* mutants: 0 has no sign */
-    *raw = (rounded < 0 ? 0 - magnitude : magnitude) & mask;
-    return NULL;
-}
-
 const char *fsn_value_parse_typed(const struct fsn_symbol_info *symbol, const char *text,
                                   uint64_t *raw) {
     double number;
@@ -124,26 +89,7 @@ const char *fsn_value_parse_typed(const struct fsn_symbol_info *symbol, const ch
     if (!read_real(text, &number)) {
         return "not a number";
     }
-    const double scaled = symbol->factor * number + symbol->offset;
-    return is_real(symbol) ? store_real(symbol, scaled, raw) : store_whole(symbol, scaled, raw);
-}
-
-/** The number for these bits. */
-static double number_of(const struct fsn_symbol_info *symbol, uint64_t raw) {
-    if (is_real(symbol) && symbol->bits == 32) {
-        const uint32_t bits = (uint32_t)raw;
-        float number;
-        memcpy(&number, &bits, sizeof number);
-        return (double)number;
-    }
-    if (is_real(symbol)) {
-        double number;
-        memcpy(&number, &raw, sizeof number);
-        return number;
-    }
-    const uint64_t sign = UINT64_C(1) << (symbol->bits - 1);
-    return symbol->kind == FSN_KIND_SIGNED && (raw & sign) != 0 ? -(double)((~raw & (sign - 1)) + 1)
-                                                                : (double)raw;
+    return store(symbol, symbol->factor * number + symbol->offset, raw);
 }
 
 void fsn_value_write_typed(const struct fsn_symbol_info *symbol, uint64_t raw,
@@ -152,7 +98,7 @@ void fsn_value_write_typed(const struct fsn_symbol_info *symbol, uint64_t raw,
         fsn_value_write(symbol, raw, json);
         return;
     }
-    const double number = number_of(symbol, raw);
+    const double number = fsn_number_of(symbol->kind, symbol->bits, raw);
     fsn_json_real(json, symbol->output != 0 ? (number - symbol->offset) / symbol->factor
                                             : symbol->factor * number + symbol->offset);
 }
@@ -173,8 +119,8 @@ uint64_t fsn_value_read(const uint8_t *bytes, uint32_t size_bytes) {
 void fsn_value_write(const struct fsn_symbol_info *symbol, uint64_t raw, struct fsn_json *json) {
     if (symbol->kind == FSN_KIND_BOOL) {
         fsn_json_bool(json, raw != 0);
-    } else if (is_real(symbol)) {
-        fsn_json_real(json, number_of(symbol, raw));
+    } else if (fsn_is_real(symbol->kind, symbol->bits)) {
+        fsn_json_real(json, fsn_number_of(symbol->kind, symbol->bits, raw));
     } else if (symbol->kind == FSN_KIND_SIGNED) {
         const uint64_t sign = UINT64_C(1) << (symbol->bits - 1);
         const uint64_t wide = (raw ^ sign) - sign;
@@ -188,7 +134,7 @@ void fsn_value_write(const struct fsn_symbol_info *symbol, uint64_t raw, struct 
 
 const char *fsn_value_type(const struct fsn_symbol_info *symbol) {
     static const char *const name[] = {"bits", "bool", "signed", "unsigned", "bits"};
-    if (is_real(symbol)) {
+    if (fsn_is_real(symbol->kind, symbol->bits)) {
         return "real";
     }
     return name[symbol->kind <= FSN_KIND_REAL ? symbol->kind : 0];
