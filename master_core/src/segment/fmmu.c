@@ -91,26 +91,28 @@ static uint32_t byte_count(const struct esc_fmmu *f) {
     return (f->physical_bit + bit_count(f) + 7) / 8;
 }
 
+/** Whether bit `i` of an FMMU is in a datagram; then also which bit of it. */
+static bool bit_of_datagram(const struct esc_fmmu *f, uint32_t i, uint32_t logical,
+                            uint16_t size_bytes, uint32_t *at) {
+    const uint64_t bit = 8u * (uint64_t)f->logical + f->start_bit + i;
+    const uint64_t first = 8u * (uint64_t)logical;
+    *at = (uint32_t)(bit - first);
+    return bit >= first && bit < first + 8u * (uint64_t)size_bytes;
+}
+
 static bool read_bits(struct esc *esc, const struct esc_fmmu *f, uint32_t logical, uint8_t *data,
                       uint16_t size_bytes) {
     uint8_t bytes[64];
-    const uint32_t bits = bit_count(f);
     const uint32_t needed = byte_count(f);
     if (needed > sizeof bytes || !esc_read(esc, f->physical, bytes, (uint16_t)needed, false)) {
         return false;
     }
     bool hit = false;
-    for (uint32_t i = 0; i < bits; i++) {
-        const uint64_t to = 8u * (uint64_t)f->logical + f->start_bit + i;
-        const uint32_t from = f->physical_bit + i;
-        if (to < 8u * (uint64_t)logical || to >= 8u * ((uint64_t)logical + size_bytes)) {
-            continue;
+    for (uint32_t at, i = 0; i < bit_count(f); i++) {
+        if (bit_of_datagram(f, i, logical, size_bytes, &at)) {
+            fsn_write_bits(data, at, 1, fsn_read_bits(bytes, f->physical_bit + i, 1));
+            hit = true;
         }
-        const uint32_t at = (uint32_t)(to - 8u * (uint64_t)logical);
-        const uint8_t mask = (uint8_t)(1u << at % 8);
-        const bool on = (bytes[from / 8] >> from % 8 & 1) != 0;
-        data[at / 8] = (uint8_t)(on ? data[at / 8] | mask : data[at / 8] & ~mask);
-        hit = true;
     }
     return hit;
 }
@@ -118,24 +120,17 @@ static bool read_bits(struct esc *esc, const struct esc_fmmu *f, uint32_t logica
 static bool write_bits(struct esc *esc, const struct esc_fmmu *f, uint32_t logical,
                        const uint8_t *data, uint16_t size_bytes) {
     uint8_t bytes[64];
-    const uint32_t bits = bit_count(f);
     const uint32_t needed = byte_count(f);
     if (needed > sizeof bytes || (uint32_t)f->physical + needed > ESC_MEMORY_BYTES) {
         return false;
     }
     memcpy(bytes, esc->memory + f->physical, needed);
     bool hit = false;
-    for (uint32_t i = 0; i < bits; i++) {
-        const uint64_t from = 8u * (uint64_t)f->logical + f->start_bit + i;
-        const uint32_t to = f->physical_bit + i;
-        if (from < 8u * (uint64_t)logical || from >= 8u * ((uint64_t)logical + size_bytes)) {
-            continue;
+    for (uint32_t at, i = 0; i < bit_count(f); i++) {
+        if (bit_of_datagram(f, i, logical, size_bytes, &at)) {
+            fsn_write_bits(bytes, f->physical_bit + i, 1, fsn_read_bits(data, at, 1));
+            hit = true;
         }
-        const uint32_t at = (uint32_t)(from - 8u * (uint64_t)logical);
-        const uint8_t mask = (uint8_t)(1u << to % 8);
-        const bool on = (data[at / 8] >> at % 8 & 1) != 0;
-        bytes[to / 8] = (uint8_t)(on ? bytes[to / 8] | mask : bytes[to / 8] & ~mask);
-        hit = true;
     }
     return hit && esc_write(esc, f->physical, bytes, (uint16_t)needed);
 }

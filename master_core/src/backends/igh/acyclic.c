@@ -163,13 +163,9 @@ static fsn_status igh_visit(void *context, bool *states_changed, struct fsn_faul
     return status;
 }
 
-static void igh_quit(void *context) {
-    igh_release(context);
-}
-
 const struct fsn_bus_acyclic igh_acyclic = {
     .visit = igh_visit,
-    .quit = igh_quit,
+    .quit = igh_release,
     .count = igh_count,
     .place = igh_place,
     .member = igh_member,

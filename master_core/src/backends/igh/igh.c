@@ -72,7 +72,8 @@ static fsn_status igh_create(const struct fsn_live_options *options, void **out,
 }
 
 /** Deactivation before release: it ends the exchange and has IgH bring all SubDevices to PREOP. */
-void igh_release(struct fsn_igh *bus) {
+void igh_release(void *context) {
+    struct fsn_igh *bus = context;
     if (bus->master != NULL) {
         if (bus->active) {
             (void)ecrt_master_deactivate(bus->master);
@@ -217,10 +218,6 @@ static fsn_status igh_open(void *context, const struct fsn_plan *plan,
     return FSN_OK;
 }
 
-static void igh_close(void *context) {
-    igh_release(context);
-}
-
 static fsn_status igh_state(void *context, uint32_t subdevice, struct fsn_bus_subdevice *seen) {
     return fsn_nodes_state(&((struct fsn_igh *)context)->all, subdevice, seen);
 }
@@ -231,7 +228,7 @@ const struct fsn_backend *fsn_backend_igh(void) {
         .open = igh_open,
         .receive = igh_receive,
         .send = igh_send,
-        .close = igh_close,
+        .close = igh_release,
         .poll = igh_poll,
         .state = igh_state,
         .acyclic = &igh_acyclic,

@@ -129,7 +129,7 @@ extern const struct fsn_bus_acyclic igh_acyclic;
 /* Shared (igh.c). */
 
 /** Releases the master. */
-void igh_release(struct fsn_igh *bus);
+void igh_release(void *context);
 
 /** Refuses because a call of ecrt.h failed. */
 fsn_status igh_refuse_call(struct fsn_fault *fault, int error, const char *rule);

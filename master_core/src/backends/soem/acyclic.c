@@ -282,13 +282,9 @@ static fsn_status soem_visit(void *context, bool *states_changed, struct fsn_fau
     return FSN_OK;
 }
 
-static void soem_quit(void *context) {
-    soem_release(context);
-}
-
 const struct fsn_bus_acyclic soem_acyclic = {
     .visit = soem_visit,
-    .quit = soem_quit,
+    .quit = soem_release,
     .count = soem_count,
     .place = soem_place,
     .member = soem_member,

@@ -107,7 +107,8 @@ static void close_socket(int *socket) {
     *socket = -1;
 }
 
-void soem_release(struct fsn_soem *bus) {
+void soem_release(void *context) {
+    struct fsn_soem *bus = context;
     for (unsigned port = 0; port < FSN_WIRE_PORTS; port++) {
         if (bus->rings[port] == NULL) {
             close_socket(&bus->sockets[port]);

@@ -229,7 +229,7 @@ fsn_status soem_take_interfaces(struct fsn_soem *bus, struct fsn_fault *fault);
 /** Opens SOEM's sockets. */
 fsn_status soem_open_nic(struct fsn_soem *bus, struct fsn_fault *fault);
 /** Closes everything that is open. */
-void soem_release(struct fsn_soem *bus);
+void soem_release(void *context);
 
 /** Discards the frames that wait for SOEM. No exchange is in progress when this is called, so such
  *  a frame is the answer to one that SOEM has given up. SOEM distinguishes answers by an index
