@@ -183,42 +183,54 @@ static int require(bool holds, const char *option, const char *text, const char 
     return holds ? -1 : options_wrong(option, text, rule);
 }
 
+static int read_clock(const char *text, struct options *o) {
+    o->dc_host = strcmp(text, "host") == 0;
+    return require(o->dc_host || strcmp(text, "bus") == 0, "--dc-clock", text, "bus or host");
+}
+
+/* All options: identifier, name, argument. HELP is the last one, as take_plain() relies on it. */
+#define OPTIONS(X)                                                                                 \
+    X(BUS, "bus", required_argument)                                                               \
+    X(INTERFACE, "interface", required_argument)                                                   \
+    X(REDUNDANT, "redundant", required_argument)                                                   \
+    X(CYCLE, "cycle", required_argument)                                                           \
+    X(POLICY, "policy", required_argument)                                                         \
+    X(PRIORITY, "priority", required_argument)                                                     \
+    X(CPU, "cpu", required_argument)                                                               \
+    X(FREE_RUN, "free-run", no_argument)                                                           \
+    X(XDP, "xdp", no_argument)                                                                     \
+    X(DC_EVERY, "dc-every", required_argument)                                                     \
+    X(DC_CLOCK, "dc-clock", required_argument)                                                     \
+    X(DC_SHIFT, "dc-shift", required_argument)                                                     \
+    X(DC_WINDOW, "dc-window", required_argument)                                                   \
+    X(DURATION, "duration", required_argument)                                                     \
+    X(RECORD, "record", required_argument)                                                         \
+    X(WAIT, "wait", required_argument)                                                             \
+    X(ACCEPTED, "accepted", required_argument)                                                     \
+    X(ACCEPTANCE, "acceptance", required_argument)                                                 \
+    X(SIGNERS, "signers", required_argument)                                                       \
+    X(REVOKED, "revoked", required_argument)                                                       \
+    X(REQUIRE_OBSERVED, "require-observed", no_argument)                                           \
+    X(TAKE_OVER, "take-over", no_argument)                                                         \
+    X(STANDBY, "standby", no_argument)                                                             \
+    X(SOCKET, "socket", required_argument)                                                         \
+    X(ALLOW_USER, "allow-user", required_argument)                                                 \
+    X(ALLOW_GROUP, "allow-group", required_argument)                                               \
+    X(INCIDENTS, "incidents", required_argument)                                                   \
+    X(INCIDENTS_LIMIT, "incidents-limit", required_argument)                                       \
+    X(INTERVENTIONS, "intervention-log", required_argument)                                        \
+    X(INTERVENTIONS_FILE, "intervention-log-file", required_argument)                              \
+    X(LOG, "log", required_argument)                                                               \
+    X(TRACE, "trace", no_argument)                                                                 \
+    X(SCAN, "scan", no_argument)                                                                   \
+    X(VERSION, "version", no_argument)                                                             \
+    X(HELP, "help", no_argument)
+
 enum option_id {
-    BUS = 256,
-    INTERFACE,
-    REDUNDANT,
-    CYCLE,
-    POLICY,
-    PRIORITY,
-    CPU,
-    FREE_RUN,
-    XDP,
-    DC_EVERY,
-    DC_CLOCK,
-    DC_SHIFT,
-    DC_WINDOW,
-    DURATION,
-    RECORD,
-    WAIT,
-    ACCEPTED,
-    ACCEPTANCE,
-    SIGNERS,
-    REVOKED,
-    REQUIRE_OBSERVED,
-    TAKE_OVER,
-    STANDBY,
-    SOCKET,
-    ALLOW_USER,
-    ALLOW_GROUP,
-    INCIDENTS,
-    INCIDENTS_LIMIT,
-    INTERVENTIONS,
-    INTERVENTIONS_FILE,
-    LOG,
-    TRACE,
-    SCAN,
-    VERSION,
-    HELP, /* the last one, as take_plain relies on it */
+    NO_OPTION = 255, /* beyond the characters that getopt_long() returns */
+#define OPTION_ID(id, name, argument) id,
+    OPTIONS(OPTION_ID)
+#undef OPTION_ID
 };
 
 static int take_number(int id, const char *text, struct options *o) {
@@ -236,6 +248,10 @@ static int take_number(int id, const char *text, struct options *o) {
         o->cpu = (int)number + 1;
         return require(number < sysconf(_SC_NPROCESSORS_CONF), "--cpu", text,
                        "this machine has no such CPU");
+    case DC_EVERY:
+        valid = read_number(text, 0, 1000000, &number);
+        o->dc_every = (uint32_t)number;
+        return require(valid, "--dc-every", text, "0 to 1000000 cycles");
     case INCIDENTS_LIMIT:
         return require(read_number(text, 1, 1000000, &o->incidents_mib), "--incidents-limit", text,
                        "1 to 1000000 MiB");
@@ -245,53 +261,32 @@ static int take_number(int id, const char *text, struct options *o) {
     }
 }
 
-/** Options of distributed clocks. */
-static int take_dc(int id, const char *text, struct options *o) {
-    long number = 0;
-    bool valid;
-    switch (id) {
-    case DC_CLOCK:
-        o->dc_host = strcmp(text, "host") == 0;
-        return require(o->dc_host || strcmp(text, "bus") == 0, "--dc-clock", text, "bus or host");
-    case DC_SHIFT:
-        valid = read_time(text, 0, &o->dc_shift_ns) && o->dc_shift_ns > 0 &&
-                o->dc_shift_ns <= 1000000000;
-        return require(valid, "--dc-shift", text,
-                       "a time up to a bus cycle with its unit, e.g. 300us");
-    case DC_WINDOW:
-        valid = read_time(text, 0, &o->dc_window_ns) && o->dc_window_ns >= 100 &&
-                o->dc_window_ns <= 1000000;
-        return require(valid, "--dc-window", text,
-                       "a time from 100ns to 1ms with its unit, e.g. 1us");
-    default:
-        valid = read_number(text, 0, 1000000, &number);
-        o->dc_every = (uint32_t)number;
-        return require(valid, "--dc-every", text, "0 to 1000000 cycles");
-    }
-}
-
 static int take_time(int id, const char *text, struct options *o) {
-    /* The times of distributed clocks share their checks. */
-    if (id >= DC_EVERY && id <= DC_WINDOW) {
-        return take_dc(id, text, o);
+    enum { MS = 1000000, SECOND = 1000000000 };
+    const struct {
+        int id;
+        uint64_t *time_ns;
+        uint64_t bare_ns, least_ns, most_ns; /* bare_ns as in read_time() */
+        const char *option, *rule;
+    } times[] = {
+        {CYCLE, &o->cycle_ns, 0, 50000, SECOND, "--cycle",
+         "a time from 50us to 1s with its unit, e.g. 1ms; --free-run is faster"},
+        {DC_SHIFT, &o->dc_shift_ns, 0, 1, SECOND, "--dc-shift",
+         "a time up to a bus cycle with its unit, e.g. 300us"},
+        {DC_WINDOW, &o->dc_window_ns, 0, 100, MS, "--dc-window",
+         "a time from 100ns to 1ms with its unit, e.g. 1us"},
+        {DURATION, &o->run_ns, SECOND, 1, UINT64_MAX, "--duration", "a time above 0, e.g. 10s"},
+        {RECORD, &o->record_ns, SECOND, 0, UINT64_MAX, "--record",
+         "a time, e.g. 10s; 0 keeps nothing"},
+        {WAIT, &o->wait_ns, SECOND, 0, UINT64_MAX, "--wait", "a time, e.g. 30s"},
+    };
+    size_t i = 0;
+    for (; i + 1 < sizeof times / sizeof times[0] && times[i].id != id; i++) {
     }
-    bool valid;
-    switch (id) {
-    case CYCLE:
-        valid =
-            read_time(text, 0, &o->cycle_ns) && o->cycle_ns >= 50000 && o->cycle_ns <= 1000000000;
-        return require(valid, "--cycle", text,
-                       "a time from 50us to 1s with its unit, e.g. 1ms; --free-run is faster");
-    case DURATION:
-        valid = read_time(text, 1000000000, &o->run_ns) && o->run_ns > 0;
-        return require(valid, "--duration", text, "a time above 0, e.g. 10s");
-    case RECORD:
-        return require(read_time(text, 1000000000, &o->record_ns), "--record", text,
-                       "a time, e.g. 10s; 0 keeps nothing");
-    default:
-        return require(read_time(text, 1000000000, &o->wait_ns), "--wait", text,
-                       "a time, e.g. 30s");
-    }
+    const bool valid = read_time(text, times[i].bare_ns, times[i].time_ns) &&
+                       *times[i].time_ns >= times[i].least_ns &&
+                       *times[i].time_ns <= times[i].most_ns;
+    return require(valid, times[i].option, text, times[i].rule);
 }
 
 /** Options whose text is stored unchanged, and those without one. */
@@ -343,8 +338,11 @@ static int take(int id, const char *text, struct options *o) {
         return allow("--allow-group", text, true, o);
     case LOG:
         return read_log(text, o);
+    case DC_CLOCK:
+        return read_clock(text, o);
     case PRIORITY:
     case CPU:
+    case DC_EVERY:
     case INCIDENTS_LIMIT:
     case INTERVENTIONS_FILE:
         return take_number(id, text, o);
@@ -442,42 +440,10 @@ static int check_together(const struct options *o) {
 
 int options_read(int argc, char **argv, struct options *o) {
     static const struct option table[] = {
-        {"bus", required_argument, NULL, BUS},
-        {"interface", required_argument, NULL, INTERFACE},
-        {"redundant", required_argument, NULL, REDUNDANT},
-        {"cycle", required_argument, NULL, CYCLE},
-        {"policy", required_argument, NULL, POLICY},
-        {"priority", required_argument, NULL, PRIORITY},
-        {"cpu", required_argument, NULL, CPU},
-        {"free-run", no_argument, NULL, FREE_RUN},
-        {"xdp", no_argument, NULL, XDP},
-        {"dc-every", required_argument, NULL, DC_EVERY},
-        {"dc-clock", required_argument, NULL, DC_CLOCK},
-        {"dc-shift", required_argument, NULL, DC_SHIFT},
-        {"dc-window", required_argument, NULL, DC_WINDOW},
-        {"duration", required_argument, NULL, DURATION},
-        {"record", required_argument, NULL, RECORD},
-        {"wait", required_argument, NULL, WAIT},
-        {"accepted", required_argument, NULL, ACCEPTED},
-        {"acceptance", required_argument, NULL, ACCEPTANCE},
-        {"signers", required_argument, NULL, SIGNERS},
-        {"revoked", required_argument, NULL, REVOKED},
-        {"require-observed", no_argument, NULL, REQUIRE_OBSERVED},
-        {"take-over", no_argument, NULL, TAKE_OVER},
-        {"standby", no_argument, NULL, STANDBY},
-        {"socket", required_argument, NULL, SOCKET},
-        {"allow-user", required_argument, NULL, ALLOW_USER},
-        {"allow-group", required_argument, NULL, ALLOW_GROUP},
-        {"incidents", required_argument, NULL, INCIDENTS},
-        {"incidents-limit", required_argument, NULL, INCIDENTS_LIMIT},
-        {"intervention-log", required_argument, NULL, INTERVENTIONS},
-        {"intervention-log-file", required_argument, NULL, INTERVENTIONS_FILE},
-        {"log", required_argument, NULL, LOG},
-        {"trace", no_argument, NULL, TRACE},
-        {"scan", no_argument, NULL, SCAN},
-        {"version", no_argument, NULL, VERSION},
-        {"help", no_argument, NULL, HELP},
-        {NULL, 0, NULL, 0},
+#define OPTION_ROW(id, name, argument) {name, argument, NULL, id},
+        OPTIONS(OPTION_ROW)
+#undef OPTION_ROW
+            {NULL, 0, NULL, 0},
     };
     int id;
     o->bus = "soem"; /* needs no kernel module */
