@@ -223,9 +223,7 @@ def _commanded_targets(ctx: Context, axis: _Axis, sub: SubDevice, stated: tuple[
         )
 
 
-def _position(
-    ctx: Context, axis: _Axis, sub: SubDevice, target: Entry, *, by_plugin: bool
-) -> None:
+def _position(ctx: Context, axis: _Axis, sub: SubDevice, target: Entry, *, by_plugin: bool) -> None:
     if _ACTUAL_POSITION not in axis.inputs and not (by_plugin and _unread(axis, sub)):
         ctx.add(
             "FSN471",
