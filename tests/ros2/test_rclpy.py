@@ -1,4 +1,6 @@
-"""A bus as nodes of ROS 2 Jazzy on Fast DDS read and set it: see `scripts/rig/ros2`."""
+"""A bus as nodes of ROS 2 read and set it: of Jazzy on Fast DDS by `scripts/rig/ros2`, or of a
+sourced installation on its ``RMW_IMPLEMENTATION``.
+"""
 
 from __future__ import annotations
 
@@ -32,11 +34,14 @@ INT = "std_msgs/msg/Int64"
 ARRAY = "diagnostic_msgs/msg/DiagnosticArray"
 NEED = "callers of /cell/stop need RMW_IMPLEMENTATION=rmw_cyclonedds_cpp"
 
+DISTRO = os.environ.get("ROS_DISTRO", "jazzy")
 RMW = {
     "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-    "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp",
-    "ROS_DISTRO": "jazzy",
+    "RMW_IMPLEMENTATION": os.environ.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp"),
+    "ROS_DISTRO": DISTRO,
 }
+by_its_rclpy = pytest.mark.skipif(DISTRO == "humble", reason="its rclpy has no type hashes")
+CYCLONE = RMW["RMW_IMPLEMENTATION"] == "rmw_cyclonedds_cpp"
 
 pytestmark = [
     pytest.mark.skipif(PYTHON is None, reason="needs rclpy: scripts/rig/ros2"),
@@ -117,6 +122,22 @@ def test_a_node_sets_an_output_by_its_topic(robot: Master) -> None:
         reader.wait_for(LAMP, False)
 
 
+@pytest.mark.skipif(not CYCLONE, reason="needs RMW_IMPLEMENTATION=rmw_cyclonedds_cpp")
+def test_a_service_answers_a_caller_on_cyclone_dds(robot: Master) -> None:
+    with bridged(robot.path, allow_control=True) as domain, robot.client() as client:
+        for word, is_running in (("stop", False), ("start", True)):
+            with Node(domain, "call", f"/cell/{word}") as node:
+                while node.ask() != [True, True]:
+                    pass
+            while (client.good("status")["state"] == "running") is not is_running:
+                pass
+        with Node(domain, "set", "/cell/set_parameters") as node:
+            assert node.ask([LAMP, True]) == [{"successful": True, "reason": ""}]
+            (row,) = node.ask(["el2904.nothing", True])
+            assert not row["successful"]
+
+
+@pytest.mark.skipif(CYCLONE, reason="needs another RMW_IMPLEMENTATION")
 def test_a_service_is_not_available_to_a_caller_that_cannot_be_answered(robot: Master) -> None:
     with (
         bridged(robot.path, allow_control=True) as domain,
@@ -173,6 +194,7 @@ def by_rclpy(
         assert process.returncode == 0
 
 
+@by_its_rclpy
 def test_with_ros_it_is_a_node_that_ros_lists(robot: Master) -> None:
     with by_rclpy(robot) as (domain, printed):
         with Node(domain, "nodes") as node:
@@ -183,12 +205,13 @@ def test_with_ros_it_is_a_node_that_ros_lists(robot: Master) -> None:
         assert {"cell: bus", "cell: SubDevice drive_1"} <= rows.keys()
         with Node(domain, "listen", LAMP_TOPIC, BOOL) as node:
             assert next(node.messages()) == {"data": False}
-    assert "by rclpy of jazzy" in printed[0]
+    assert f"by rclpy of {DISTRO}" in printed[0]
     # The wheels have no control_msgs.
     assert [line.split()[0] for line in printed[1:]] == ["/cell/hardware_status"]
     assert printed[1].endswith("no control_msgs/msg/HardwareStatus")
 
 
+@by_its_rclpy
 def test_with_ros_nodes_of_any_rmw_control_it(robot: Master) -> None:
     with by_rclpy(robot, "--allow-control") as (domain, printed):
         with robot.client() as reader, Node(domain, "send", f"{LAMP_TOPIC}/set", BOOL) as node:
@@ -211,6 +234,7 @@ def test_with_ros_nodes_of_any_rmw_control_it(robot: Master) -> None:
     assert left == {"/cell/hardware_status", "/cell/get_sdo", "/cell/set_sdo"}
 
 
+@by_its_rclpy
 def test_with_ros_a_type_of_another_version_is_left_out(robot: Master) -> None:
     other = "import fsoe_net.ros2.messages as m; m.HASHES[m.SIGNALS[m.SignalKind.BOOL]] = '00' * 32"
     with by_rclpy(robot, first=other) as (domain, printed):
@@ -236,7 +260,10 @@ def by_dds(legs: Master) -> Iterator[tuple[int, list[str]]]:
         yield domain, []
 
 
-@pytest.mark.parametrize("has_ros", [False, True], ids=["by DDS", "by rclpy"])
+@pytest.mark.parametrize(
+    "has_ros",
+    [pytest.param(False, id="by DDS"), pytest.param(True, id="by rclpy", marks=by_its_rclpy)],
+)
 def test_the_commands_of_ros_do_what_a_page_states(legs: Master, has_ros: bool) -> None:
     """`ros2` of ROS itself, as docs/reference/ether-ros.md calls it."""
     assert PYTHON is not None
