@@ -176,19 +176,19 @@ def test_another_cycle_touches_all():
     assert changed_subdevices(plan, replace(plan, cycle_ns=plan.cycle_ns + 1)) is None
     plan = compile_plan(example("two-buses"))
     cell, drives = plan.buses
-    slower = replace(plan, buses=(cell, replace(drives, cycle_ns=4_000_000)))
+    slower = replace(plan, buses=(cell, drives._replace(cycle_ns=4_000_000)))
     assert changed_subdevices(plan, slower) is None
 
 
 def test_a_group_elsewhere_touches_all_and_a_new_bus_the_subdevice_on_it():
     plan = compile_plan(example("tool-exchange"))
     first, second = plan.groups
-    moved = replace(plan, groups=(replace(first, place="other"), second))
+    moved = replace(plan, groups=(first._replace(place="other"), second))
     assert changed_subdevices(plan, moved) is None
     plan = compile_plan(example("two-buses"))
     cell, drives = plan.buses
-    longer = replace(cell, subdevice_count=4)
-    shorter = replace(drives, first_subdevice=4, subdevice_count=1)
+    longer = cell._replace(subdevice_count=4)
+    shorter = drives._replace(first_subdevice=4, subdevice_count=1)
     assert changed_subdevices(plan, replace(plan, buses=(longer, shorter))) == {"drive_1"}
 
 
