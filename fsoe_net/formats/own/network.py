@@ -171,9 +171,7 @@ class _Assembly:
     def _kind_of(self, root: MapNode, data: bytes) -> str | None:
         """Return the type of a file by its content, never by its name: the name of its schema."""
         kinds = ("network", "transfers", "slave")
-        keys = set(root.pairs)
-        telling = keys - {"name", "version"} or keys  # these two occur in YAML of every program
-        scores = {kind: len(schema_keys(kind) & telling) for kind in kinds}
+        scores = {kind: len(schema_keys(kind) & set(root.pairs)) for kind in kinds}
         other = kind_by_keys(root)
         if other in ("acceptance", "answers", "device", "test-record", "scenario"):
             refuse_kind(root, other, "network", "FSN117", self.out)
@@ -182,7 +180,9 @@ class _Assembly:
             return "network"
         # `nets` is a key of both kinds; a file with nothing else is a transfer YAML.
         best = max(scores, key=lambda k: (scores[k], k == "transfers"))
-        if scores[best]:
+        # YAML of every program can have these two.
+        others = set(root.pairs) - {"name", "version"}
+        if scores[best] and (not others or others & schema_keys(best)):
             return best
         from fsoe_net.formats.ros2.controllers import is_controllers  # only if needed
 
