@@ -45,6 +45,26 @@ def test_a_program_that_is_there_stays(tmp_path: Path):
 
 
 @needs_compiler
+def test_an_older_igh_is_named_and_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Its functions have other results: 1.5 and earlier ended the build with compiler errors."""
+    prefix = tmp_path / "etherlab"
+    for name, text in (
+        ("include/ecrt.h", "#define ECRT_VER_MAJOR 1\n#define ECRT_VER_MINOR 5\n"),
+        ("lib/libethercat.so", ""),
+    ):
+        (prefix / name).parent.mkdir(parents=True)
+        (prefix / name).write_text(text)
+    monkeypatch.setenv("CMAKE_PREFIX_PATH", str(prefix))
+    done = _run("-o", str(tmp_path / "m"), "--without-soem")
+    assert done.returncode == 0, done.stderr
+    assert "bus igh: not in this build" in done.stdout
+    cmake, env = build_master._cmake(tmp_path)
+    wanted = [*cmake, "-S", "master_core", "-B", str(tmp_path / "b"), "-DFSN_IGH=ON"]
+    with pytest.raises(EnvironmentFault, match=r"IgH EtherCAT Master 1\.5 in .*, not 1\.6"):
+        build_master._run(wanted, "cmake", env)
+
+
+@needs_compiler
 def test_it_builds_a_program_that_runs(tmp_path: Path):
     """Without SOEM, so that no network is needed; `make master` builds it with."""
     done = _run("-o", str(tmp_path / "m"), "--without-soem")
