@@ -93,8 +93,14 @@ def check_document(document: Any) -> None:
     assert found[0]["sms"] == []
 
 
+def complete(seen: Any) -> bool:
+    """Whether a scan has read everything: on a busy machine an answer may come too late."""
+    document = seen.get("document") or seen["scan"]
+    return not any(s["problems"] for s in document.get("subdevices", ()))
+
+
 def test_scan_without_a_plan(tmp_path: Path) -> None:
-    done = seen("whole", tmp_path)
+    done = seen("whole", tmp_path, good=complete)
     document = done["document"]
     assert done["code"] == 0
     check_document(document)
@@ -134,7 +140,7 @@ def test_a_half_dead_subdevice_does_not_stop_a_scan(tmp_path: Path) -> None:
 
 
 def test_scan_of_a_running_bus(tmp_path: Path) -> None:
-    done = seen("scan", tmp_path)
+    done = seen("scan", tmp_path, good=complete)
     assert done["ok"]
     assert done["op"]  # nobody left OP
     document = done["scan"]
