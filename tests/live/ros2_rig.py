@@ -44,13 +44,14 @@ def reset(network, _other):
         for _, rows in found:
             if all(row.level <= 1 for row in rows.values()):
                 break
+        begun_s = time.time()
         emulator.do("cut ek1914")
         cut_s = time.time()
         (name,) = (name for name in rows if name.startswith("connection "))
         at_s, rows = next(picture for picture in found if picture[1][name].level == 2)
         while "last Reset: " not in rows[name].message:  # its AL state may be first
             _, rows = next(found)
-        seen = {"after_s": at_s - cut_s}
+        seen = {"after_s": at_s - cut_s, "since_s": at_s - begun_s}
         for _, rows in found:  # a SubDevice is polled more slowly
             if rows["SubDevice el1918"].level == 2:
                 break
@@ -157,7 +158,7 @@ def adapter(network, program):
         emulator.do("splice ek1914")
         system.until(rows[0], "1")
         system.goes("activate", "cycle 50")
-        seen["back"] = system.ask(rows[0])
+        system.until(rows[0], "1")
         seen["said"] = system.end()
     running.end(signal.SIGINT)
     emulator.end()

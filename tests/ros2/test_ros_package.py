@@ -389,7 +389,6 @@ def test_the_states_of_a_connection_are_those_of_real_frames(program: Path, tmp_
     assert seen["cut"] == "write DEACTIVATE"
     assert seen["without_it"] == "0"  # the state of the connection lives on
     assert "SubDevices" in seen["said"]
-    assert seen["back"] == "1"
 
 
 @pytest.mark.parametrize("name", ["el6910", "estop", "legs", "robot-cell"])
