@@ -96,7 +96,7 @@ def gather(paths: Sequence[str], options: LoadOptions, *, answers: str | None = 
     # All files are read before errors end the command, so that the user can correct them together.
     yaml_files = []
     for path, in_folder in named:
-        if _is_yaml_else_read(path, in_folder, options, found):
+        if not _read_other(path, in_folder, options, found):
             yaml_files.append((path, in_folder))
     # YAML files refer to each other and are read together at the end.
     _read_yaml(yaml_files, options, found)
@@ -106,27 +106,27 @@ def gather(paths: Sequence[str], options: LoadOptions, *, answers: str | None = 
     return found
 
 
-def _is_yaml_else_read(path: str, in_folder: bool, options: LoadOptions, found: Gathered) -> bool:
-    """Return whether a file is YAML of a network; read it if not."""
+def _read_other(path: str, in_folder: bool, options: LoadOptions, found: Gathered) -> bool:
+    """Read a file of another format; return ``False`` for YAML of a network, which stays unread."""
     mine = Collector()
     # A file in a folder may be anything; a file that was named must be readable.
     head = head_of(path, mine)
     # Scans are JSON and would otherwise be taken for another format.
     if head is not None and _SCAN.match(head):
         _keep(found, path, mine, in_folder, _scan(path, mine, found))
-        return False
+        return True
     known = None if head is None else find_format(head, mine, name=path)
     if known is None:
         _keep(found, path, mine, in_folder, False)
     elif known.yields is Yields.NETWORK:
-        return True
+        return False
     elif known.yields is Yields.CATALOGUE:
         found.esis.append(path)
         found.used.append(path)
     else:
         read = read_foreign(path, known, mine, master=options.master)
         _keep(found, path, mine, in_folder, _sorted(read, known, found))
-    return False
+    return True
 
 
 def _files_in(folder: str, out: Collector) -> list[str]:
