@@ -9,6 +9,7 @@
 
 #include "builder.h"
 #include "heap.h"
+#include "rt/number.h"
 #include "rt/rt.h"
 #include "rt/words.h"
 
@@ -705,6 +706,19 @@ static void silent_stays_silent(void) {
     CHECK(one.watch.new_ns == 0 && on.rt.ring.head == 0);
 }
 
+static void numbers_become_bits_to_the_end_of_their_type(void) {
+    uint64_t raw = 0;
+    CHECK(fsn_bits_of(FSN_KIND_SIGNED, 64, -0x1p63, &raw) && raw == UINT64_C(1) << 63);
+    CHECK(fsn_bits_of(FSN_KIND_SIGNED, 60, -0x1p59, &raw) && raw == UINT64_C(1) << 59);
+    CHECK(!fsn_bits_of(FSN_KIND_SIGNED, 64, 0x1p63, &raw));
+    CHECK(!fsn_bits_of(FSN_KIND_UNSIGNED, 64, 0x1p64, &raw));
+    CHECK(fsn_bits_of(FSN_KIND_UNSIGNED, 64, 0x1p52 + 1, &raw) && raw == (UINT64_C(1) << 52) + 1);
+    CHECK(fsn_bits_of(FSN_KIND_SIGNED, 16, -2.5, &raw) && raw == 0xFFFD);
+    CHECK(fsn_bits_of(FSN_KIND_UNSIGNED, 8, 255.4, &raw) && raw == 255);
+    CHECK(!fsn_bits_of(FSN_KIND_UNSIGNED, 8, 255.5, &raw));
+    CHECK(!fsn_bits_of(FSN_KIND_REAL, 32, 1e39, &raw));
+}
+
 int main(void) {
     const long alive = heap_alive();
     wakes_once_per_cycle();
@@ -729,6 +743,7 @@ int main(void) {
     silence_begins_after_its_time();
     silent_stays_silent();
     the_ring_goes_around();
+    numbers_become_bits_to_the_end_of_their_type();
     CHECK(heap_alive() == alive);
     return 0;
 }
