@@ -10,8 +10,6 @@ import os
 import uuid
 from pathlib import Path
 
-_HOW = ("COVERAGE_CORE", "FSN_COVERAGE_BRANCHES")  # of scripts/coverage
-
 
 def count_confined_children() -> None:
     """Make the child of xacro count where scripts/coverage runs the tests."""
@@ -22,9 +20,8 @@ def count_confined_children() -> None:
 
     folder = Path(os.environ["FSN_COVERAGE_DATA"]).parent
     here = str(Path(__file__).parent)
-    how = {name: os.environ[name] for name in _HOW if name in os.environ}
     expand._CHILD = (
-        f"import os, sys; os.environ.update({how!r}); sys.path.append({here!r})\n"
+        f"import sys; sys.path.append({here!r})\n"
         f"from count_child import counted; counted({config!r}, {str(folder)!r})"
     )
 
