@@ -8,6 +8,7 @@ import signal
 import pytest
 from count_child import count_confined_children
 from hypothesis import HealthCheck, settings
+from priority import pytest_runtest_protocol  # noqa: F401 - a hook
 from repeat import pytest_cmdline_main, pytest_runtest_makereport  # noqa: F401 - hooks
 from stuck import pytest_configure, pytest_timeout_set_timer  # noqa: F401 - hooks
 from uncounted import pytest_runtest_call  # noqa: F401 - a hook
