@@ -1,5 +1,5 @@
 /* Who may send process data when fsn-master processes of one PC follow one another: see
- * docs/explanation/standby.md. Run by scripts/rig/standby-model.
+ * docs/explanation/standby.md. Run by tests/master/test_standby_model.py.
  *
  * Every process may be frozen and thawed, or killed by anybody, at any time. One that was killed
  * still takes steps until the kernel has ended it; a pidfd shows nothing before that. A name that is

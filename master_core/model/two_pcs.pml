@@ -1,4 +1,4 @@
-/* Two PCs at the two ends of one bus: see docs/explanation/standby.md. Run by scripts/rig/standby-model.
+/* Two PCs at the two ends of one bus: see docs/explanation/standby.md. Run by tests/master/test_standby_model.py.
  *
  * No pidfd reaches the other PC, messages get lost, and a PC may stand still between the decision to
  * send and the frame on the wire. What excludes two senders is a cut that the other PC confirms: a
