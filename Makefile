@@ -10,7 +10,7 @@ FSN := $(VENV)/bin/fsoe-net
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 20
-	@echo '  scripts/ has what a developer runs, scripts/rig/ what needs root, a bus or hours; CONTRIBUTING.md says when.'
+	@echo '  scripts/ has what a developer runs, scripts/rig/ what needs root, a bus or hours, packaging/ what builds packages; CONTRIBUTING.md says when.'
 
 demo: $(VENV)/.ready ## check, plan, run and report of the e-stop example, on an emulated bus
 	@echo '== check: what is wrong in the files, at file, line and column'

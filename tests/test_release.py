@@ -41,7 +41,7 @@ def test_each_step_that_ci_holds_is_run_by_it():
 @pytest.mark.parametrize("arguments", [["--nativ"], ["a", "b"], ["--native", "-x"], ["README.md"]])
 def test_wrong_arguments_of_the_release_build_nothing(arguments: list[str]):
     """The last one names a file that exists."""
-    call = [ROOT / "scripts" / "release", *arguments]
+    call = [ROOT / "packaging" / "build-release", *arguments]
     done = subprocess.run(call, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (2, "")
     assert "release" in done.stderr
