@@ -120,7 +120,9 @@ def test_a_page_that_sends_hands_into_a_machine_begins_with_securing_it():
 
 def test_a_hint_about_what_is_on_the_bus_begins_with_securing_the_machine():
     found = []
-    for path in (ROOT / "fsoe_net" / "rules").glob("scan*.py"):
+    paths = list((ROOT / "fsoe_net" / "compare").glob("*scan*.py"))
+    assert any("{SECURED}" in path.read_text("utf-8") for path in paths)
+    for path in paths:
         tree = ast.parse(path.read_text("utf-8"))
         for call in (n for n in ast.walk(tree) if isinstance(n, ast.Call)):
             for hint in (k.value for k in call.keywords if k.arg == "hint"):
