@@ -20,14 +20,21 @@
 #include "app/takeover/handover_listener.h"
 #include "app/takeover/predecessor.h"
 #include "control/base/clock.h"
+#include "control/base/names.h"
 #include "control/base/peer.h"
 #include "fsn/handover.h"
 
 enum { END_MS = 10000 }; /**< maximum time for the end if the bus does not even open */
 
 enum state { STOPPED, OPENING, RUNNING, LEAVING, CLOSING, FAILED };
-static const char *const state_name[] = {"stopped",  "opening",  "running",
-                                         "stopping", "stopping", "failed"};
+static const enum fsn_program_state program_states[] = {
+    FSN_PROGRAM_STOPPED,  FSN_PROGRAM_OPENING,  FSN_PROGRAM_RUNNING,
+    FSN_PROGRAM_STOPPING, FSN_PROGRAM_STOPPING, FSN_PROGRAM_FAILED,
+};
+
+static const char *state_name(enum state state) {
+    return fsn_program_state_name(program_states[state]);
+}
 
 struct master {
     const struct options *options;
@@ -70,16 +77,16 @@ static void set_state(struct master *m, enum state state, enum fsn_log_level lev
                       const char *text) {
     char lines[256];
     m->state = state;
-    snprintf(lines, sizeof lines, "STATUS=%s: %.200s", state_name[state], text);
+    snprintf(lines, sizeof lines, "STATUS=%s: %.200s", state_name(state), text);
     notify(lines);
     fsn_control_state_changed(m->control, level, text);
 }
 
-static const char *reported_state(const struct master *m) {
+static enum fsn_program_state reported_state(const struct master *m) {
     if (m->state == RUNNING && !m->ready) {
-        return "starting";
+        return FSN_PROGRAM_STARTING;
     }
-    return m->follows ? "standby" : state_name[m->state];
+    return m->follows ? FSN_PROGRAM_STANDBY : program_states[m->state];
 }
 
 static void host_status(void *self, struct fsn_control_status *status) {
@@ -135,7 +142,7 @@ static fsn_status host_request(void *self, enum fsn_program_request request,
     case FSN_PROGRAM_START:
         if (m->wanted) {
             return fsn_refusal_set(refusal, FSN_E_STATE, "restart stops it before", "the bus is %s",
-                                   state_name[m->state]);
+                                   state_name(m->state));
         }
         m->wanted = true;
         return FSN_OK;

@@ -19,8 +19,10 @@ static struct {
 
 static void tell_status(void *self, struct fsn_control_status *status) {
     (void)self;
-    *status = (struct fsn_control_status){
-        .state = "running", .backend = "emulated", .plan_file = "plan", .policy = "other"};
+    *status = (struct fsn_control_status){.state = FSN_PROGRAM_RUNNING,
+                                          .backend = "emulated",
+                                          .plan_file = "plan",
+                                          .policy = "other"};
 }
 
 static fsn_status grant(void *self, enum fsn_program_request request, struct fsn_refusal *refusal) {

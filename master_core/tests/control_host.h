@@ -10,7 +10,7 @@
 
 static inline void host_status(void *self, struct fsn_control_status *status) {
     (void)self;
-    *status = (struct fsn_control_status){.state = "running",
+    *status = (struct fsn_control_status){.state = FSN_PROGRAM_RUNNING,
                                           .backend = "emulated",
                                           .plan_file = "plan",
                                           .policy = "other",

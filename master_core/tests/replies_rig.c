@@ -355,7 +355,7 @@ void do_job(void) {
 
 static void host_state(void *self, struct fsn_control_status *status) {
     (void)self;
-    *status = (struct fsn_control_status){.state = "running",
+    *status = (struct fsn_control_status){.state = FSN_PROGRAM_RUNNING,
                                           .fault = on.stateless ? "the cable is out" : NULL,
                                           .backend = "script",
                                           .interface = "eth0",

@@ -85,7 +85,7 @@ static void take_job(void *self, struct fsn_job *job) {
 
 static struct fsn_control_host host;
 static char logged[2000];
-static const char *state = "running";
+static enum fsn_program_state state = FSN_PROGRAM_RUNNING;
 
 static void keep_text(void *self, enum fsn_log_level level, enum fsn_role account, const char *text,
                       const char *json, size_t json_bytes) {
@@ -276,11 +276,12 @@ static void who_never_comes_is_reported_once(void) {
     const uint64_t second = UINT64_C(1000) * MS;
     static const struct {
         uint64_t ms;
-        const char *state;
+        enum fsn_program_state state;
         bool begun;
-    } turns[] = {{1000, "running", false}, {5999, "running", false},  {6500, "starting", false},
-                 {7000, "running", false}, {11999, "running", false}, {12498, "running", false},
-                 {12499, "running", true}};
+    } turns[] = {{1000, FSN_PROGRAM_RUNNING, false},  {5999, FSN_PROGRAM_RUNNING, false},
+                 {6500, FSN_PROGRAM_STARTING, false}, {7000, FSN_PROGRAM_RUNNING, false},
+                 {11999, FSN_PROGRAM_RUNNING, false}, {12498, FSN_PROGRAM_RUNNING, false},
+                 {12499, FSN_PROGRAM_RUNNING, true}};
     cycle_at(&rig, second);
     for (size_t i = 0; i < sizeof turns / sizeof turns[0]; i++) {
         state = turns[i].state;
@@ -301,7 +302,7 @@ static void who_never_comes_is_reported_once(void) {
         usleep(100);
     }
     CHECK(!is_kept_still(&rig, 20 * second) && in->files == 1);
-    state = "running";
+    state = FSN_PROGRAM_RUNNING;
     CHECK(tear_down(&rig) == 1);
 }
 
@@ -669,7 +670,8 @@ static void folders_are_checked(void) {
 
 /** A requested stop is not a failure; a requested incident still gets its file. */
 static void a_stop_is_no_incident(void) {
-    static const char *const states[] = {"stopping", "stopped", "running"};
+    static const enum fsn_program_state states[] = {FSN_PROGRAM_STOPPING, FSN_PROGRAM_STOPPED,
+                                                    FSN_PROGRAM_RUNNING};
     struct rig rig = set_up();
     const uint64_t second = UINT64_C(1000) * MS;
     const struct fsn_trigger left = {.kind = "left_data", .now_ns = second, .text = "a test"};

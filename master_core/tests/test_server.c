@@ -79,7 +79,7 @@ static void keep(void *self, enum fsn_log_level level, enum fsn_role account, co
 
 static void state(void *self, struct fsn_control_status *status) {
     CHECK(self == &rig);
-    *status = (struct fsn_control_status){.state = "running", .cycle_ns = rig.cycle_ns};
+    *status = (struct fsn_control_status){.state = FSN_PROGRAM_RUNNING, .cycle_ns = rig.cycle_ns};
 }
 
 /** Clients 1 to `count`, each at the end of a socket. */

@@ -462,7 +462,7 @@ static void observe(uint32_t known, uint16_t connection_id, uint16_t address,
 
 static void host_is_strict(void *self, struct fsn_control_status *status) {
     (void)self;
-    *status = (struct fsn_control_status){.state = "running", .require_observed = true};
+    *status = (struct fsn_control_status){.state = FSN_PROGRAM_RUNNING, .require_observed = true};
 }
 
 static void other_parameters_are_told_once(void) {

@@ -37,9 +37,20 @@ struct fsn_interventions {
     const char *error;    /**< why entries cannot be written now, or NULL */
 };
 
+/** State of the program in replies; fsn_program_state_name() is its word. */
+enum fsn_program_state {
+    FSN_PROGRAM_STOPPED,
+    FSN_PROGRAM_OPENING,
+    FSN_PROGRAM_STARTING, /**< the cycle runs, but not all SubDevices are in OP */
+    FSN_PROGRAM_RUNNING,
+    FSN_PROGRAM_STOPPING,
+    FSN_PROGRAM_FAILED,
+    FSN_PROGRAM_STANDBY,
+};
+
 /** Data of the program about itself. Strings are valid until the next call. */
 struct fsn_control_status {
-    const char *state; /**< stopped, opening, starting, running, stopping or failed */
+    enum fsn_program_state state;
     const char *fault; /**< why it is stopped, or NULL */
     const char *backend, *interface, *redundant, *plan_file, *accepted;
     const char *const *bus_interfaces; /**< of each bus of the plan; NULL if it has only one */

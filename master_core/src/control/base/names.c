@@ -37,6 +37,16 @@ const char *fsn_reset_text(uint8_t code) {
     return code < sizeof text / sizeof text[0] ? text[code] : "unknown code";
 }
 
+const char *fsn_program_state_name(enum fsn_program_state state) {
+    static const char *const names[] = {
+        [FSN_PROGRAM_STOPPED] = "stopped",   [FSN_PROGRAM_OPENING] = "opening",
+        [FSN_PROGRAM_STARTING] = "starting", [FSN_PROGRAM_RUNNING] = "running",
+        [FSN_PROGRAM_STOPPING] = "stopping", [FSN_PROGRAM_FAILED] = "failed",
+        [FSN_PROGRAM_STANDBY] = "standby",
+    };
+    return names[state];
+}
+
 const char *fsn_command_name(uint8_t command) {
     static const struct {
         uint8_t command;

@@ -191,7 +191,7 @@ static bool is_too_soon(struct fsn_incidents *in, uint64_t now_ns) {
 
 static bool is_stopping(struct fsn_incidents *in) {
     const struct fsn_control_status status = fsn_program_status(in->view->host);
-    return strcmp(status.state, "stopping") == 0 || strcmp(status.state, "stopped") == 0;
+    return status.state == FSN_PROGRAM_STOPPING || status.state == FSN_PROGRAM_STOPPED;
 }
 
 static void copy_text(char *to, size_t room_bytes, const char *from) {
@@ -282,7 +282,7 @@ static void not_connected(struct fsn_incidents *in, uint32_t number, uint64_t no
 /** Every SubDevice is in OP but a connection is not in Data: no other line reports this. */
 static void find_missing(struct fsn_incidents *in, uint64_t now_ns) {
     const struct fsn_control_status status = fsn_program_status(in->view->host);
-    if (in->view->core == NULL || strcmp(status.state, "running") != 0) {
+    if (in->view->core == NULL || status.state != FSN_PROGRAM_RUNNING) {
         in->in_op_ns = 0;
         return;
     }

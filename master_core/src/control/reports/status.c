@@ -205,7 +205,7 @@ static void put_standby(const struct fsn_control_status *status, struct fsn_json
 
 void fsn_report_status(struct fsn_bus_view *view, uint32_t clients, struct fsn_json *json) {
     const struct fsn_control_status status = fsn_program_status(view->host);
-    fsn_json_put_text(json, "state", status.state);
+    fsn_json_put_text(json, "state", fsn_program_state_name(status.state));
     fsn_json_put_text_or_null(json, "fault", status.fault);
     fsn_json_put_text(json, "backend", status.backend);
     fsn_json_put_text_or_null(json, "interface", status.interface);

@@ -235,7 +235,7 @@ static void report_dropped(struct fsn_services *services, const struct fsn_clien
     }
 }
 
-void fsn_client_drop(struct fsn_services *services, struct fsn_client *client, const char *why) {
+static void close_client(struct fsn_client *client) {
     close(client->fd);
     client->fd = -1;
     client->events = false;
@@ -247,9 +247,16 @@ void fsn_client_drop(struct fsn_services *services, struct fsn_client *client, c
     fsn_stream_end(client);
     fsn_client_close_passed(client);
     client->sent = 0;
-    /* After it is closed, so that it is not informed about its own end. */
-    if (strcmp(why, "disconnected") != 0) {
-        report_dropped(services, client, why);
-    }
+}
+
+void fsn_client_end(struct fsn_services *services, struct fsn_client *client) {
+    close_client(client);
+    fsn_client_take_back(services, client, "disconnected");
+}
+
+void fsn_client_drop(struct fsn_services *services, struct fsn_client *client, const char *why) {
+    /* Closed first, so that it is not informed about its own end. */
+    close_client(client);
+    report_dropped(services, client, why);
     fsn_client_take_back(services, client, why);
 }

@@ -66,7 +66,10 @@ void fsn_client_close_passed(struct fsn_client *client);
  *  disconnected. */
 bool fsn_client_send(struct fsn_client *client, uint64_t now_ns);
 
-/** Drops a client; its outputs fall back. */
+/** Ends a client that has disconnected; its outputs fall back. */
+void fsn_client_end(struct fsn_services *services, struct fsn_client *client);
+
+/** Drops a connected client and reports why; its outputs fall back. */
 void fsn_client_drop(struct fsn_services *services, struct fsn_client *client, const char *why);
 
 /** Adds the identity of a client to an event. */

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "control/base/clock.h"
+#include "control/base/names.h"
 #include "control/base/value.h"
 #include "control/reports/reports.h"
 #include "control/requests/request.h"
@@ -196,8 +197,9 @@ static fsn_status of_program(struct fsn_request *request) {
     const fsn_status found =
         host->request(host->self, (enum fsn_program_request)wanted, &request->refusal);
     if (found == FSN_OK) {
-        fsn_json_put_text(request->json, "state",
-                          fsn_program_status(host).state); /* events report the progress */
+        /* Events report the progress. */
+        const enum fsn_program_state state = fsn_program_status(host).state;
+        fsn_json_put_text(request->json, "state", fsn_program_state_name(state));
     }
     return found;
 }

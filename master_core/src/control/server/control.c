@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include "control/base/clock.h"
+#include "control/base/names.h"
 #include "control/reports/reports.h"
 #include "control/requests/requests.h"
 #include "control/requests/stream.h"
@@ -180,7 +181,8 @@ void fsn_control_state_changed(struct fsn_control *control, enum fsn_log_level l
                                const char *text) {
     struct fsn_events *events = &control->services.events;
     struct fsn_json *json = fsn_event_begin_act(events, "state", FSN_MAINTAINER);
-    fsn_json_put_text(json, "state", fsn_program_status(events->host).state);
+    const enum fsn_program_state state = fsn_program_status(events->host).state;
+    fsn_json_put_text(json, "state", fsn_program_state_name(state));
     fsn_event_send(events, level, "%.500s", text);
 }
 

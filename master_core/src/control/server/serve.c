@@ -73,7 +73,7 @@ static void read_some(struct fsn_control *control, struct fsn_client *client) {
         return;
     }
     if (got <= 0) {
-        fsn_client_drop(&control->services, client, "disconnected");
+        fsn_client_end(&control->services, client);
         return;
     }
     client->in_bytes += (size_t)got;
@@ -305,7 +305,7 @@ size_t fsn_control_prepare(struct fsn_control *control, struct pollfd *fds, uint
 
 static void serve_client(struct fsn_control *control, struct fsn_client *client, short found) {
     if ((found & (POLLERR | POLLNVAL)) != 0 || (client->job != NULL && (found & POLLHUP) != 0)) {
-        fsn_client_drop(&control->services, client, "disconnected");
+        fsn_client_end(&control->services, client);
         return;
     }
     if ((found & (POLLIN | POLLHUP)) != 0) {
@@ -361,7 +361,7 @@ static bool is_silent(const struct fsn_control *control, const struct fsn_client
 /** Writes the bytes that a client accepts without waiting. */
 static void send_some(struct fsn_control *control, struct fsn_client *client, uint64_t now_ns) {
     if (!fsn_client_send(client, now_ns)) {
-        fsn_client_drop(&control->services, client, "disconnected");
+        fsn_client_end(&control->services, client);
     }
 }
 
