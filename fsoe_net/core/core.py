@@ -322,7 +322,7 @@ class Core:
             now_ns=s.now_ns,
             expected_wkc=s.expected_wkc,
             actual_wkc=s.actual_wkc,
-            **_frame_counts(s),
+            frames=_frame_counts(s),
             image=bytes(ffi.buffer(image, self._image_bytes)),
         )
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 
 from fsoe_net.fsoe.observed import ConnectionState
@@ -225,8 +225,6 @@ class CycleImage:
     now_ns: int
     expected_wkc: int
     actual_wkc: int
-    lost_frames: int
-    old_replies: int
-    foreign_frames: int
-    unsent_frames: int
+    frames: Mapping[str, int]
+    """Counts of frames so far, by their names in `Statistics`."""
     image: bytes

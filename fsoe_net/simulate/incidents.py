@@ -135,16 +135,19 @@ class IncidentRecorder:
 
     def _keep(self, seen: CycleImage) -> None:
         last = self._last
+        before = last.frames if last is not None else {}
+
+        def of_cycle(name: str) -> int:
+            return seen.frames[name] - before.get(name, 0)
+
         short = seen.actual_wkc != seen.expected_wkc
         self._ring.add(
             CycleRecord(
                 cycle=seen.cycle,
                 now_ns=seen.now_ns,
-                lost=seen.lost_frames - (last.lost_frames if last else 0),
-                old=seen.old_replies - (last.old_replies if last else 0),
-                # `lost`, `old` and `foreign` are counters since the start; a record contains those
-                # of its cycle.
-                foreign=seen.foreign_frames - (last.foreign_frames if last else 0),
+                lost=of_cycle("lost_frames"),
+                old=of_cycle("old_replies"),
+                foreign=of_cycle("foreign_frames"),
                 wkc=(seen.expected_wkc, seen.actual_wkc) if short else None,
                 image=seen.image,
             )

@@ -98,17 +98,11 @@ static struct fsn_direction direction_from(uint8_t first) {
 static void all_differs(void) {
     struct fsn_rt *rt = &on.core->rt;
     struct fsn_statistics *s = &rt->statistics;
-    uint64_t *const numbers[] = {&s->cycles,
-                                 &s->overruns,
-                                 &s->wkc_errors,
-                                 &s->counts.lost_frames,
-                                 &s->counts.old_replies,
-                                 &s->counts.foreign_frames,
-                                 &s->counts.unsent_frames,
-                                 &s->bytes_copied,
-                                 &s->now_ns,
-                                 &s->dc_time_ns,
-                                 &s->events_lost};
+#define PLACE(name) , &s->counts.name
+    uint64_t *const numbers[] = {
+        &s->cycles,       &s->overruns, &s->wkc_errors FSN_FRAME_COUNT_TABLE(PLACE),
+        &s->bytes_copied, &s->now_ns,   &s->dc_time_ns,
+        &s->events_lost};
     for (uint64_t i = 0; i < sizeof numbers / sizeof numbers[0]; i++) {
         *numbers[i] = 101 + i;
     }

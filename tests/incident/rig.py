@@ -13,6 +13,7 @@ from typing import Any
 from networks import EXAMPLES, resolved
 from uncounted import not_counted
 
+from fsoe_net.core.snapshot import CycleImage
 from fsoe_net.formats.own.scenario import load_scenario
 from fsoe_net.incident.causes import Verdicts, judge
 from fsoe_net.incident.evidence import IncidentEvidence, gather
@@ -83,6 +84,12 @@ class Wire:
 
     def operational(self) -> bool:
         return bool(self._io.operational())
+
+
+def changed_cycle(image: CycleImage, **changes: Any) -> CycleImage:
+    """Return what the recorder sees of a cycle with other values; counts of frames by name."""
+    frames = {name: changes.pop(name, count) for name, count in image.frames.items()}
+    return replace(image, frames=frames, **changes)
 
 
 class CoreProxy:

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from incident.rig import CELL, ESTOP, MS, Rig, Seed, network
+from incident.rig import CELL, ESTOP, MS, Rig, Seed, changed_cycle, network
 
 EVERYBODY = ("el6910", "el1904", "el2904", "drive_1", "drive_2")
 
@@ -53,7 +53,9 @@ def late_replies(tmp: Path) -> Path:
 
     def count(image: Any) -> Any:
         late["count"] += image.actual_wkc == 0
-        return replace(image, lost_frames=late["count"], old_replies=max(0, late["count"] - 1))
+        return changed_cycle(
+            image, lost_frames=late["count"], old_replies=max(0, late["count"] - 1)
+        )
 
     rig.cycle_images(count)
     rig.run(1_700)
@@ -106,7 +108,7 @@ def second_writer_in_the_image(tmp: Path) -> Path:
 def foreign_frames(tmp: Path) -> Path:
     rig = Rig(network(CELL, tmp), tmp)
     rig.cycle_images(
-        lambda g: replace(
+        lambda g: changed_cycle(
             g,
             actual_wkc=g.actual_wkc + 3 * (400 * MS < rig.now_ns < 800 * MS),
             old_replies=max(0, rig.now_ns // MS - 400),

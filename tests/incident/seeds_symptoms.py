@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from incident.rig import CELL, DRIVE, MS, Rig, Seed, config, edited, found, network
+from incident.rig import CELL, DRIVE, MS, Rig, Seed, changed_cycle, config, edited, found, network
 from incident.seeds_bus import EVERYBODY, all_of, watchdog
 
 
@@ -57,7 +56,7 @@ def coalesced(tmp: Path) -> Path:
         cycles = max(0, rig.now_ns // MS - 500)
         whole, rest = divmod(cycles, 16)
         held = rest < 15 and cycles > 0
-        return replace(
+        return changed_cycle(
             glance,
             actual_wkc=0 if held else glance.actual_wkc,
             lost_frames=whole * 15 + min(rest, 15),
@@ -121,7 +120,9 @@ def commissioning_laptop(tmp: Path) -> Path:
     """States change by themselves after somebody plugged in a laptop with the maker's tool."""
     rig = Rig(network(CELL, tmp), tmp)
     rig.runs("drive_1", lambda now: now < 500 * MS)
-    rig.cycle_images(lambda g: replace(g, foreign_frames=max(0, rig.now_ns // MS - 300) // 10))
+    rig.cycle_images(
+        lambda g: changed_cycle(g, foreign_frames=max(0, rig.now_ns // MS - 300) // 10)
+    )
     rig.run(1_700)
     return found(rig.end(), "drive_1", al="PREOP")
 

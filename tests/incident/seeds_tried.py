@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from incident.rig import CELL, FOUND, MS, Rig, Seed, edited, found, network
+from incident.rig import CELL, FOUND, MS, Rig, Seed, changed_cycle, edited, found, network
 from incident.seeds_bus import EVERYBODY, all_of, watchdog
 from incident.seeds_start import failed
 from networks import resolved, write_big_network
@@ -126,7 +125,7 @@ def every_reply_late(answers: bool) -> Callable[[Path], Path]:
         def late(glance: Any) -> Any:
             cycles = max(0, rig.now_ns // MS - 500)
             wkc = 0 if cycles else glance.actual_wkc
-            return replace(
+            return changed_cycle(
                 glance, actual_wkc=wkc, lost_frames=cycles, old_replies=max(0, cycles - 2)
             )
 
@@ -145,7 +144,7 @@ def second_main_device(frames_per_s: int, what: str) -> Callable[[Path], Path]:
     def seed(tmp: Path) -> Path:
         rig = Rig(network(CELL, tmp), tmp, steps=what)
         rig.cycle_images(
-            lambda g: replace(
+            lambda g: changed_cycle(
                 g, foreign_frames=max(0, rig.now_ns // MS - 450) * frames_per_s // 1000
             )
         )

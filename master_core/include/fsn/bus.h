@@ -41,6 +41,9 @@ struct fsn_frame_counts {
     uint64_t unsent_frames;  /**< that the system did not send */
 };
 
+/** Each field of fsn_frame_counts, whose name is also its key in replies. */
+#define FSN_FRAME_COUNT_TABLE(X) X(lost_frames) X(old_replies) X(foreign_frames) X(unsent_frames)
+
 /** Data that a bus reports to the core in every cycle. The arrays belong to the core, which clears
  *  them before each receive(). */
 struct fsn_bus_input {

@@ -44,10 +44,9 @@ static void put_statistics(struct fsn_json *json, const struct fsn_statistics *s
     fsn_json_put_u64(json, "cycles", s->cycles);
     fsn_json_put_u64(json, "overruns", s->overruns);
     fsn_json_put_u64(json, "wkc_errors", s->wkc_errors);
-    fsn_json_put_u64(json, "lost_frames", s->counts.lost_frames);
-    fsn_json_put_u64(json, "old_replies", s->counts.old_replies);
-    fsn_json_put_u64(json, "foreign_frames", s->counts.foreign_frames);
-    fsn_json_put_u64(json, "unsent_frames", s->counts.unsent_frames);
+#define PUT(name) fsn_json_put_u64(json, #name, s->counts.name);
+    FSN_FRAME_COUNT_TABLE(PUT)
+#undef PUT
     fsn_json_put_u64(json, "send_errno", s->send_errno);
     fsn_json_put_u64(json, "bytes_copied", s->bytes_copied);
     fsn_json_put_u64(json, "now_ns", s->now_ns);
