@@ -6,7 +6,10 @@ import os
 import random
 
 import pytest
+from fuzz import bodies
 from fuzz.bodies import TARGETS, mutated
+
+from fsoe_net.formats.registry import all_formats
 
 ROUNDS = int(os.environ.get("FSN_FUZZ_MUTATIONS", "60"))
 
@@ -27,3 +30,9 @@ def test_mutated_inputs_are_read_or_refused(name, tmp_path):
             target.run(data, tmp_path)
         except Exception as exc:
             raise AssertionError(f"{name}, mutation {number}: {data[:2000]!r}") from exc
+
+
+def test_the_reader_of_each_format_has_a_target():
+    readers = {f.kind: f.read.partition(":")[2] for f in all_formats().values() if f.read}
+    assert [kind for kind, name in readers.items() if not hasattr(bodies, name)] == []
+    assert "soem" in readers
