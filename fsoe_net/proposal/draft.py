@@ -229,7 +229,7 @@ def question_findings(made: Draft, *, answered: bool) -> list[Diagnostic]:
 
 
 def _ask_ring(inputs: Inputs) -> Question:
-    files = [t for t in inputs.types if t.path != "device library"]
+    files = [t for t in inputs.types if not t.is_of_library]
     orders = list(dict.fromkeys(t.order for t in files))
     facts = ["No file states what is on the ring; an ESI or SII image only describes types."]
     if orders:

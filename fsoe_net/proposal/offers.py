@@ -21,9 +21,8 @@ from fsoe_net.model.library import DeviceFunction, Library, LibraryDevice
 from fsoe_net.model.library_fill import fill_from_library, library_device, library_role
 from fsoe_net.proposal.draft import Draft, Inputs, make_draft
 from fsoe_net.proposal.gather import Gathered
-from fsoe_net.proposal.ring import DeviceType, list_types
+from fsoe_net.proposal.ring import LIBRARY, DeviceType, list_types
 
-_LIBRARY = "device library"
 _NO_DATA = "no file here has its process data; add its ESI or a scan"
 
 
@@ -49,7 +48,7 @@ class Offer:
 
     order: str
     about: str = ""
-    path: str = _LIBRARY
+    path: str = LIBRARY
     position: int | None = None
     revision: int | None = None
     process_data: str = ""
@@ -113,7 +112,7 @@ def list_offers(found: Gathered, out: FindingList) -> tuple[Offer, ...]:
         row = Offer(
             order=kind.order, about=kind.name, path=kind.path, revision=kind.revision, source=kind
         )
-        if kind.path == _LIBRARY:
+        if kind.is_of_library:
             device = library.find(kind.vendor, kind.product)
             row = replace(row, about="" if device is None else device.about)
         offers += [row] if kind.sub is None else _ways(row, kind.sub, library)

@@ -20,6 +20,8 @@ from fsoe_net.model.library import Library
 
 _MOST_NAMES = 2000
 
+LIBRARY = "device library"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DeviceType:
@@ -35,6 +37,11 @@ class DeviceType:
     revision: int | None
     path: str
     sub: DescribedSubDevice | None = None
+
+    @property
+    def is_of_library(self) -> bool:
+        """Whether it is from the device library, not from a file of the user."""
+        return self.path == LIBRARY
 
 
 def list_types(
@@ -85,7 +92,7 @@ def list_types(
                 vendor=i.vendor_id,
                 product=i.product_code,
                 revision=None,
-                path="device library",
+                path=LIBRARY,
                 sub=DescribedSubDevice(
                     order=i.order,
                     device=Device(path="", vendor_id=i.vendor_id, product_code=i.product_code),
@@ -180,7 +187,7 @@ def _types_of(row: AnsweredDevice, types: Sequence[DeviceType], out: Collector) 
         _unknown_type(row, types, out)
         return []
     # Files of the user have precedence over the library.
-    files = [t for t in same if t.path != "device library"]
+    files = [t for t in same if not t.is_of_library]
     if row.revision is None or not files:
         return files or same
     rows = [t for t in files if t.revision == row.revision]
