@@ -49,6 +49,17 @@ def test_modules_stay_readable():
     assert long == {}
 
 
+def test_each_package_states_what_belongs_in_it():
+    """A format is a folder that `formats` describes; the package itself is the public API."""
+    packages = [p for p in MODULES if p.name == "__init__.py" and p.parent != ROOT / "fsoe_net"]
+    texts = {p: " ".join(p.read_text("utf-8").split()) for p in packages}
+    others = {p: text for p, text in texts.items() if "FORMAT = " not in text}
+    assert len(others) > 30
+    for path, text in others.items():
+        assert "Add here: " in text, path
+        assert "Do not add: " in text, path
+
+
 def test_a_command_keeps_options_and_printing():
     """What it does is below the commands; what it prints at length is beside it."""
     texts = {p: p.read_text("utf-8") for p in (ROOT / "fsoe_net" / "cli").glob("*.py")}

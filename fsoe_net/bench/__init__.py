@@ -1,4 +1,5 @@
 """Measures this machine: a result as data, and its document.
 
-Measurements that need a source tree, SOEM or root stay in `scripts/bench`.
+Add here: a measurement that the installed tool can make. Do not add: measurements that need a
+source tree, SOEM or root (`scripts/bench`), checks without a measurement (`host`).
 """

@@ -1,1 +1,5 @@
-"""Emulated drives by CiA 402: state machine, motion, safety functions, motor; time is given."""
+"""Emulated drives by CiA 402: state machine, motion, safety functions, motor; time is given.
+
+Add here: behaviour of a drive on the bus. Do not add: other devices, the bus, scenarios
+(`simulate`), an axis of ``fsn-master`` (`live`).
+"""
