@@ -23,7 +23,6 @@ from fsoe_net.simulate.commands import CommandError
 from fsoe_net.simulate.emulated_documents import subdevices_json
 from fsoe_net.studio.live_feed import ALONE_S, PICTURE_S, LiveFeed, ScopeRing
 from fsoe_net.studio.live_machine import EmulatedMachine
-from fsoe_net.studio.live_pace import Pace
 from fsoe_net.studio.live_rows import (
     Row,
     connection_row,
@@ -38,6 +37,7 @@ FORGOTTEN_S = 600.0
 """An emulated run ends if no page has listened for this time."""
 MOST_HELD_MS = 10_000
 
+_BEHIND_NS = 100_000_000  # larger delays are not caught up
 _REPLY_S = 30.0
 
 _T = TypeVar("_T")
@@ -320,3 +320,32 @@ class EmulatedFeed(LiveFeed):
         session = self._session
         rows = subdevices_json(session.core, session.records, session.absent, session.returns)
         return [read_subdevice(ReplyObject(row)) for row in rows]
+
+
+class Pace:
+    """The speed of an emulated run: simulated time follows the clock."""
+
+    def __init__(self) -> None:
+        self._begun_ns = time.monotonic_ns()
+        self._marks: list[tuple[int, int]] = []
+
+    def keep(self, now_ns: int, end: threading.Event) -> None:
+        """Wait until the clock reaches a simulated time; lost time is not caught up."""
+        clock_ns = time.monotonic_ns() - self._begun_ns
+        if now_ns > clock_ns:
+            end.wait((now_ns - clock_ns) / 1e9)
+        elif clock_ns - now_ns > _BEHIND_NS:
+            self._begun_ns += clock_ns - now_ns
+
+    def share(self, now_ns: int) -> float | None:
+        """Return the speed of simulated time relative to the clock, over the last second; 1: equal.
+
+        ``None`` until a second has passed.
+        """
+        clock_ns = time.monotonic_ns()
+        self._marks.append((clock_ns, now_ns))
+        while len(self._marks) > 1 and self._marks[1][0] <= clock_ns - 1_000_000_000:
+            del self._marks[0]
+        begun_ns, from_ns = self._marks[0]
+        past_ns = clock_ns - begun_ns
+        return round((now_ns - from_ns) / past_ns, 3) if past_ns >= 1_000_000_000 else None

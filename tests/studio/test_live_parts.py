@@ -25,10 +25,9 @@ from fsoe_net.project.simulate import simulate
 needed("starlette", "studio")
 
 from fsoe_net.studio import live_emulated, live_feed  # noqa: E402
-from fsoe_net.studio.live_emulated import EmulatedFeed  # noqa: E402
+from fsoe_net.studio.live_emulated import EmulatedFeed, Pace  # noqa: E402
 from fsoe_net.studio.live_feed import EventHistory, ScopeRing  # noqa: E402
 from fsoe_net.studio.live_master import MasterFeed, _notes, _title  # noqa: E402
-from fsoe_net.studio.live_pace import Pace  # noqa: E402
 from fsoe_net.studio.live_rows import event_row, recorded_view  # noqa: E402
 from fsoe_net.studio.live_signals import reader  # noqa: E402
 
