@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import re
 import struct
 import threading
 import time
@@ -18,6 +19,7 @@ from patience import PATIENCE_S
 from studio.browser import needed
 
 from fsoe_net.errors import CoreError, EnvironmentFault, InputError
+from fsoe_net.fsoe.observed import ConnectionState
 from fsoe_net.live.result import RunEvent, state_fields
 from fsoe_net.plan.model import PlanSymbol
 from fsoe_net.project.simulate import simulate
@@ -192,3 +194,12 @@ def test_a_scope_without_a_bus_is_reported(tmp_path: Path) -> None:
     feed.close()
     assert "no answer" in str(feed.scope.fault)
     assert feed.document()["socket"] == str(tmp_path / "nobody")
+
+
+def test_the_page_draws_each_state_of_a_connection():
+    past = Path(live_feed.__file__).with_name("assets") / "live_past.js"
+    text = past.read_text("utf-8")
+    states = re.findall(r"^export const (?:DATA|FAILSAFE|PROCESS) = \"(.*)\";$", text, re.M)
+    states += re.findall(r'^  "(.*)",$', text.partition("LEVELS = [")[2].partition("]")[0], re.M)
+    # The ends also know Data without its kind.
+    assert set(states) == {state.text for state in ConnectionState} | {"Data"}

@@ -8,6 +8,10 @@ const KEPT_EVENTS = 50_000;
 const KEPT_CHANGES = 20_000; // of a connection
 const SCOPE_MS = 10_000;
 
+export const DATA = "Data";
+export const FAILSAFE = "Data · FailSafeData";
+export const PROCESS = "Data · ProcessData";
+
 /** States from the lowest on, as the height of a strip shows them. */
 export const LEVELS = [
   "Silent",
@@ -16,9 +20,9 @@ export const LEVELS = [
   "Session",
   "Connection",
   "Parameter",
-  "Data",
-  "Data · FailSafeData",
-  "Data · ProcessData",
+  DATA,
+  FAILSAFE,
+  PROCESS,
 ];
 
 /**

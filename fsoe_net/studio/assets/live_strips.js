@@ -2,7 +2,7 @@
 import { useLayoutEffect, useMemo, useRef } from "./vendor/hooks.js";
 import { colour } from "./colours.js";
 import { html } from "./html.js";
-import { LEVELS, lastBefore } from "./live_past.js";
+import { DATA, FAILSAFE, LEVELS, PROCESS, lastBefore } from "./live_past.js";
 import { penOf } from "./live_time.js";
 
 /** @typedef {import("./types").LiveConnection} LiveConnection */
@@ -106,15 +106,15 @@ function drawStrip(pen, strip, width, from, to, now, colours) {
     const right = Math.min(width, at(n + 1 < states.length ? states[n + 1][0] : now));
     const level = Math.max(0, LEVELS.indexOf(state));
     const high = 2 + ((floor - TOP - 2) * level) / (LEVELS.length - 1);
-    const known = { "Data · ProcessData": colours.process, Data: colours.main }[state];
+    const known = { [PROCESS]: colours.process, [DATA]: colours.main }[state];
     pen.fillStyle = known ? known : level > 6 ? colours.failsafe : level > 2 ? colours.mid : colours.low;
     // At least a pixel: a short reset must be visible.
     pen.fillRect(left, floor - high, Math.max(1, right - left), high);
-    if (state === "Data · FailSafeData") hatch(pen, left, right, floor, high, colours.paper);
+    if (state === FAILSAFE) hatch(pen, left, right, floor, high, colours.paper);
     const word = state.replace("Data · ", "");
     if (level > 6 && right - left > pen.measureText(word).width + 8) {
       pen.fillStyle = colours.paper;
-      if (state === "Data · FailSafeData") label(pen, word, left + 4, floor - high / 2, colours);
+      if (state === FAILSAFE) label(pen, word, left + 4, floor - high / 2, colours);
       else pen.fillText(word, left + 4, floor - high / 2);
     }
   }
