@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from fsoe_net.diag.diagnostic import Diagnostic, FindingList
+from fsoe_net.diag.words import noun
 from fsoe_net.model.answers import AnsweredWord, Answers, Ask, Question
 from fsoe_net.model.description import (
     DescribedConnection,
@@ -347,7 +348,7 @@ class _Maker:
         for pair in pairs:
             by_main.setdefault(pair.subdevice, []).append(pair.slot)
         return " and ".join(
-            f"slot{'s' if len(s) > 1 else ''} {', '.join(map(str, s))} of {self._names[n]}"
+            f"{noun(len(s), 'slot')} {', '.join(map(str, s))} of {self._names[n]}"
             for n, s in by_main.items()
         )
 

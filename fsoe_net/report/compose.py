@@ -154,9 +154,7 @@ def _verdict(inputs: ReportInputs, against: int) -> Verdict:
     if is_done or files.level is Level.WARNING:
         words += f" · files: {files.word}"
     if against:
-        return Verdict(
-            f"{against} verdict{'' if against == 1 else 's'} against it · {words}", Level.ERROR
-        )
+        return Verdict(f"{counted(against, 'verdict')} against it · {words}", Level.ERROR)
     if files.level is Level.WARNING:
         return Verdict(words, Level.WARNING)
     return Verdict(words, files.level if is_done else Level.OPEN)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from fsoe_net.diag.words import counted
 from fsoe_net.document.model import (
     Cell,
     Column,
@@ -78,7 +79,7 @@ def copies(inputs: ReportInputs) -> ReportSection:
         Picture(
             title=f"Copy {n}: {_name(plan, c)}",
             words=f"{_end(plan, c, source=True)} → {_end(plan, c, source=False)}, "
-            f"{c.size_bytes} byte{'' if c.size_bytes == 1 else 's'}",
+            f"{counted(c.size_bytes, 'byte')}",
             svg=copy_picture(plan, n),
             wide=False,
         )

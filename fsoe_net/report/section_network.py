@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 
-from fsoe_net.diag.words import counted, listed
+from fsoe_net.diag.words import counted, listed, noun
 from fsoe_net.document.model import (
     BLANK,
     Bullets,
@@ -377,7 +377,7 @@ def _row(c: Connection) -> tuple[Cell, ...]:
 
 
 def _bytes_to(number: int, end: str) -> str:
-    return f"byte{'' if number == 1 else 's'} to {end}"
+    return f"{noun(number, 'byte')} to {end}"
 
 
 def _safe_bytes(frame_bytes: int) -> int:

@@ -212,7 +212,7 @@ def copy_groups(description: Description, notes: list[str]) -> tuple[CopyGroup, 
         common = set.intersection(
             *({c.source.subdevice, c.destination.subdevice} for c in frames or copies)
         )
-        found = common & mains if common & mains else common
+        found = common & mains or common
         main = next(iter(found)) if len(found) == 1 and frames else None
         if main is None and frames:
             notes.append(
