@@ -15,11 +15,11 @@ from fsoe_net.diag.diagnostic import (
     sort_diagnostics,
 )
 from fsoe_net.diag.words import counted, identity_text
-from fsoe_net.model.bus import Device, Direction, SubDevice, SyncManager
+from fsoe_net.model.bus import Device, Direction, Pdo, SubDevice, SyncManager
 from fsoe_net.model.layout import SmLayout
 from fsoe_net.model.network import NetworkConfig
 from fsoe_net.model.resolve import Resolution
-from fsoe_net.model.scan import Scan, ScannedPdo, ScannedSm, ScannedSubDevice
+from fsoe_net.model.scan import Scan, ScannedSm, ScannedSubDevice
 from fsoe_net.rules.context import ACCEPTED, SECURED, few
 from fsoe_net.rules.entries import assignment_words, first_difference, listed
 
@@ -332,7 +332,7 @@ class _Layout:
             hint=f"the file must describe what the device has; {_SCAN}",
         )
 
-    def _pdos_differ(self, sm: SyncManager, found: tuple[ScannedPdo, ...]) -> bool:
+    def _pdos_differ(self, sm: SyncManager, found: tuple[Pdo, ...]) -> bool:
         """Add a finding for another assignment, otherwise one per PDO with another mapping."""
         pdos = self.device.pdos_of(sm)
         ours, theirs = [p.index for p in pdos], [p.index for p in found]
@@ -342,8 +342,9 @@ class _Layout:
             return True
         different = False
         for pdo, there in zip(pdos, found, strict=True):
-            first = first_difference(pdo, there.entries or ()) if pdo.entries else None
-            if first is None or there.entries is None:
+            is_known = pdo.entries and there.is_read
+            first = first_difference(pdo, there.entries) if is_known else None
+            if first is None:
                 continue
             different = True
             number, span, mine, other = first

@@ -465,6 +465,6 @@ def _scanned(sub: ScannedSubDevice) -> SideSubDevice:
 
 
 def _scanned_manager(sm: ScannedSm) -> SmLayout:
-    is_read = sm.complete and sm.pdos is not None and all(p.entries is not None for p in sm.pdos)
+    is_read = sm.complete and sm.pdos is not None and all(p.is_read for p in sm.pdos)
     device = Device(path="", vendor_id=0, product_code=0, sync_managers=(described_manager(sm),))
     return replace(device.layout.managers[0], complete=is_read)

@@ -7,22 +7,22 @@ import os
 import re
 import tempfile
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from fsoe_net.compare.bus_scan import check_scan
 from fsoe_net.errors import InputError
 from fsoe_net.formats.own.network import load_network
+from fsoe_net.formats.own.scan_bus import described_manager
+from fsoe_net.formats.own.write_slave_yaml import LONGEST_BITS, write_slave_yaml
 from fsoe_net.live.scan import TakenScan
 from fsoe_net.live.scan_net import proposed_net, yaml_word
+from fsoe_net.model.bus import Device, Direction, SyncManager, Watchdog
 from fsoe_net.model.names import Names, numbered
 from fsoe_net.model.resolve import Resolution, resolve
-from fsoe_net.model.scan import ScannedEntry, ScannedPdo, ScannedSm, ScannedSubDevice
+from fsoe_net.model.scan import ScannedSm, ScannedSubDevice
 
-_SIZES = (8, 16, 32, 64)
-# ethercat_driver_ros2 keeps a length in one byte; 248 bits are the most whole bytes in it.
-_MOST_BITS, _PADDING_BITS = 255, 248
 _WIDTH = 100
 _COMPARED = {"FSN501", "FSN503", "FSN504", "FSN505", "FSN506", "FSN507"}
 
@@ -148,79 +148,50 @@ def _device(sub: ScannedSubDevice) -> str:
     """Return the slave YAML of a device in the format of ethercat_driver_ros2."""
     if sub.vendor_id is None or sub.product_code is None:
         raise _NotExpressible("its identity was not read")
-    lines = [
-        f"# {sub.name or 'Unnamed device'}, as it was found on the bus by `fsoe-net scan`. Types",
-        "# are not known from a bus: whole bytes are unsigned here, other lengths bits.",
-        f"vendor_id: 0x{sub.vendor_id:08x}",
-        f"product_id: 0x{sub.product_code:08x}",
-    ]
-    if sub.dc:
-        lines.append("# assign_activate: 0x0300   # it has distributed clocks; see its ESI file")
-    for key, kind in (("rpdo", "outputs"), ("tpdo", "inputs")):
+    for kind in ("outputs", "inputs"):
         managers = [s for s in sub.process_data if s.kind == kind]
         # ethercat_driver_ros2 has one list of PDOs for each direction.
         if len(managers) > 1:
             raise _NotExpressible(f"{kind} on {len(managers)} sync managers; the format allows one")
-        if not managers:
-            continue
-        # A PDO that is missing here would shift all following entries.
-        if not managers[0].complete:
-            raise _NotExpressible(f"SM{managers[0].index} was not read completely")
-        lines += ["", f"{key}:", *_pdos(managers[0])]
-    lines += ["", "sm:"]
-    for sm in sorted(sub.sms or (), key=lambda s: s.index):
-        lines.append(_sm(sm))
-    return "\n".join(lines) + "\n"
+        for sm in managers:
+            _check_manager(sm)
+    device = Device(
+        path="",
+        vendor_id=sub.vendor_id,
+        product_code=sub.product_code,
+        sync_managers=tuple(map(_manager, sub.sms or ())),
+    )
+    identity, rest = write_slave_yaml(device, sub.name, []).split("\n\n", 1)
+    clock = "# assign_activate: 0x0300   # it has distributed clocks; see its ESI file\n"
+    return (
+        f"# {sub.name or 'Unnamed device'}, as it was found on the bus by `fsoe-net scan`. Types\n"
+        "# are not known from a bus: whole bytes are unsigned here, other lengths bits.\n"
+        f"{identity}\n{clock if sub.dc else ''}\n{rest}"
+    )
 
 
-def _sm(sm: ScannedSm) -> str:
-    way = "output" if sm.kind in ("outputs", "mailbox_out") else "input"
-    if not sm.is_process_data:
-        return f"  - {{index: {sm.index}, type: {way}, watchdog: disable}}"
-    # A sync manager without PDOs must not be assigned the list of the other one.
-    pdo = " pdo: rpdo," if way == "output" else " pdo: tpdo,"
-    if not sm.size_bytes and not sm.pdos:
-        pdo = ""
-    # Only outputs have a watchdog in EtherCAT: it makes them safe if frames stop.
-    watchdog = "enable" if way == "output" and pdo else "disable"
-    return f"  - {{index: {sm.index}, type: {way},{pdo} watchdog: {watchdog}}}"
-
-
-def _pdos(sm: ScannedSm) -> list[str]:
+def _check_manager(sm: ScannedSm) -> None:
+    """Raise an exception for PDOs that were not read: all entries after them would be shifted."""
+    if not sm.complete:
+        raise _NotExpressible(f"SM{sm.index} was not read completely")
     if not sm.pdos:
         raise _NotExpressible(f"the PDOs of SM{sm.index} were not read")
-    lines: list[str] = []
     for pdo in sm.pdos:
-        name = f"   # {pdo.name}" if pdo.name else ""
-        lines.append(f"  - index: 0x{pdo.index:04x}{name}")
-        lines += _channels(pdo)
-    return lines
+        if not pdo.is_read:
+            raise _NotExpressible(f"the mapping of PDO 0x{pdo.index:04x} was not read")
+        if not pdo.entries:
+            raise _NotExpressible(f"PDO 0x{pdo.index:04x} maps nothing")
+        for entry in pdo.entries:
+            if entry.index and not 0 < entry.bits <= LONGEST_BITS:
+                text = f"{entry.address} in PDO 0x{pdo.index:04x} has {entry.bits} bits"
+                raise _NotExpressible(text)
 
 
-def _channels(pdo: ScannedPdo) -> list[str]:
-    if pdo.entries is None:
-        raise _NotExpressible(f"the mapping of PDO 0x{pdo.index:04x} was not read")
-    if not pdo.entries:
-        raise _NotExpressible(f"PDO 0x{pdo.index:04x} maps nothing")
-    return ["    channels:", *(line for e in pdo.entries for line in _channel(pdo, e))]
-
-
-def _channel(pdo: ScannedPdo, entry: ScannedEntry) -> list[str]:
-    bits = entry.bits
-    # Index 0 is a gap of ETG.1000; the width of types in the format is limited, so long gaps are
-    # split.
-    if not entry.index:
-        parts = [_PADDING_BITS] * ((bits - 1) // _PADDING_BITS)
-        parts.append(bits - sum(parts))
-        return [f"      - {{index: 0x0000, sub_index: 0, type: bit{n}}}" for n in parts if n]
-    if not 0 < bits <= _MOST_BITS:
-        raise _NotExpressible(f"{entry.address} in PDO 0x{pdo.index:04x} has {bits} bits")
-    kind = f"uint{bits}" if bits in _SIZES else f"bit{bits}"
-    if bits == 1:
-        kind = "bool"
-    return [
-        f"      - {{index: 0x{entry.index:04x}, sub_index: {entry.subindex}, type: {kind}}}",
-    ]
+def _manager(sm: ScannedSm) -> SyncManager:
+    manager = described_manager(sm)
+    # Only outputs have a watchdog in EtherCAT: it makes them safe if frames stop.
+    has_outputs = manager.direction is Direction.OUTPUT and manager.pdos
+    return replace(manager, watchdog=Watchdog.ENABLE if has_outputs else Watchdog.DISABLE)
 
 
 # -- reading again, writing -----------------------------------------------------------------------

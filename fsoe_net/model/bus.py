@@ -116,11 +116,15 @@ class Entry(Located):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pdo(Located):
-    """One PDO with its entries in wire order. Without entries, the device's own mapping is used."""
+    """One PDO with its entries in wire order. Without entries, the device's own mapping is used.
+
+    ``is_read`` is false if its entries could not be read from the device.
+    """
 
     index: int
     entries: tuple[Entry, ...]
     name: str = ""
+    is_read: bool = True
 
     @property
     def bits(self) -> int:

@@ -4,33 +4,10 @@ from __future__ import annotations
 
 from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.words import identity_text
-from fsoe_net.model.bus import Located
+from fsoe_net.model.bus import Located, Pdo
 
 # Error indication, bit 4 of the AL status register 0x0130 (ETG.1000.6).
 _ERROR_FLAG = 0x10
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ScannedEntry(Located):
-    """One PDO entry as the device maps it; index 0 is padding."""
-
-    index: int
-    subindex: int
-    bits: int
-
-    @property
-    def address(self) -> str:
-        """``0x6000:01``, or ``padding``."""
-        return f"0x{self.index:04x}:{self.subindex:02x}" if self.index else "padding"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ScannedPdo(Located):
-    """One assigned PDO. ``entries`` is ``None`` if its mapping was not read."""
-
-    index: int
-    name: str = ""
-    entries: tuple[ScannedEntry, ...] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,7 +29,7 @@ class ScannedSm(Located):
     start_byte: int | None = None
     size_bytes: int | None = None
     source: str = ""
-    pdos: tuple[ScannedPdo, ...] | None = None
+    pdos: tuple[Pdo, ...] | None = None
     complete: bool = True
 
     @property

@@ -9,7 +9,6 @@ from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.diag.words import counted
 from fsoe_net.model.bus import Entry, Pdo
-from fsoe_net.model.scan import ScannedEntry
 from fsoe_net.rules.context import few
 
 
@@ -36,7 +35,7 @@ class Item:
         )
 
 
-def items_of(entries: Sequence[Entry] | Sequence[ScannedEntry]) -> list[Item]:
+def items_of(entries: Sequence[Entry]) -> list[Item]:
     """Return entries with adjacent padding combined."""
     items: list[Item] = []
     for e in entries:
@@ -48,9 +47,7 @@ def items_of(entries: Sequence[Entry] | Sequence[ScannedEntry]) -> list[Item]:
     return items
 
 
-def first_difference(
-    pdo: Pdo, there: Sequence[Entry] | Sequence[ScannedEntry]
-) -> tuple[int, Span, str, str] | None:
+def first_difference(pdo: Pdo, there: Sequence[Entry]) -> tuple[int, Span, str, str] | None:
     """Return number, place and both sides of the first differing entry."""
     ours, theirs = items_of(pdo.entries), items_of(there)
     # The longer list decides: a missing entry is a difference.

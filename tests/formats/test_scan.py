@@ -80,8 +80,8 @@ def test_everything_is_read():
         assert sub.sms[0].pdos is None
         pdos = sub.sms[1].pdos
         assert pdos is not None
-        assert (pdos[0].name, pdos[0].entries) == ("out", None)
-        assert pdos[1].entries is not None
+        assert (pdos[0].name, pdos[0].is_read) == ("out", False)
+        assert pdos[1].is_read
         assert pdos[1].entries[0].bits == 8
         assert sub.fsoe is not None
         assert sub.fsoe.address is None

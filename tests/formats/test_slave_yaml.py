@@ -241,3 +241,11 @@ def test_a_switch_of_the_driver_is_kept_where_it_differs_from_an_absent_one(
     device = device_from_yaml(root, "x.yaml", out)
     assert device is not None
     assert (device.driver, out.diagnostics) == (stated, [])
+
+
+def test_the_name_of_a_pdo_is_a_comment():
+    pdo = Pdo(index=0x1A00, entries=(entry("USINT", 8),), name="FSoE\ninputs")
+    manager = SyncManager(index=3, direction=Direction.INPUT, pdos=(pdo,))
+    device = Device(path="", vendor_id=1, product_code=2, sync_managers=(manager,))
+    text = write_slave_yaml(device, "x", [])
+    assert "  - index: 0x1a00   # FSoE inputs\n" in text

@@ -29,7 +29,6 @@ from fsoe_net.model.scan import (
     Scan,
     ScannedConnection,
     ScannedFsoe,
-    ScannedPdo,
     ScannedPort,
     ScannedSm,
     ScannedSubDevice,
@@ -57,7 +56,7 @@ def test_missing_values_are_empty():
         *(ClockFacts, DescribedConnection, DescribedCopy, DescribedSubDevice, Description),
         *(StartFacts, TypeFacts, LibraryDevice, LibraryMapping),
         *(AtMachine, TestRecord, TestStep, StepResult, SafetyElement, SafetyFunction),
-        *(Scan, ScannedConnection, ScannedFsoe, ScannedPdo, ScannedPort, ScannedSm),
+        *(Scan, ScannedConnection, ScannedFsoe, ScannedPort, ScannedSm),
         ScannedSubDevice,
     ]
     for kind in kinds:

@@ -15,12 +15,11 @@ from fsoe_net.formats.shared.files import Collector, read_bytes
 from fsoe_net.formats.shared.numbers import Reader, own_int, read_int, record_of
 from fsoe_net.formats.shared.ring import fits_on_bus
 from fsoe_net.formats.shared.yaml_tree import MapNode, SeqNode, parse_yaml
+from fsoe_net.model.bus import Entry, Pdo
 from fsoe_net.model.scan import (
     Scan,
     ScannedConnection,
-    ScannedEntry,
     ScannedFsoe,
-    ScannedPdo,
     ScannedPort,
     ScannedSm,
     ScannedSubDevice,
@@ -29,7 +28,7 @@ from fsoe_net.model.scan import (
 _U8, _U16, _U32 = 0xFF, 0xFFFF, 0xFFFFFFFF
 _MAX_DEPTH = 64
 _T = TypeVar("_T")
-_Row = TypeVar("_Row", Scan, ScannedSubDevice, ScannedSm, ScannedPdo)
+_Row = TypeVar("_Row", Scan, ScannedSubDevice, ScannedSm, Pdo)
 _ESCAPE = re.compile(r"\\(?:u([dD][89abAB]\w\w)\\u([dD][c-fC-F]\w\w)|u([dD][89a-fA-F]\w\w)|.)")
 _BREAKS = re.compile("[\x7f-\x9f\u2028\u2029\ufeff\ufffe\uffff]")
 _AGAIN = "scan the bus again: fsoe-net scan --interface IF -o DIR"
@@ -188,11 +187,19 @@ def _sm(node: MapNode, out: Collector) -> ScannedSm:
     return _printable(row)
 
 
-def _pdo(node: MapNode, out: Collector) -> ScannedPdo:
-    highs = {"index": _U16, "subindex": _U8, "bits": _U16}
-    rows = tuple(record_of(ScannedEntry, item, out, highs) for item in node.maps("entries"))
-    entries = _list(node, "entries", rows)
-    return _printable(record_of(ScannedPdo, node, out, {"index": _U16}, entries=entries))
+def _pdo(node: MapNode, out: Collector) -> Pdo:
+    entries = tuple(
+        Entry(
+            span=row.span,
+            fields=row.places(),
+            index=own_int(row, "index", _U16, out) or 0,
+            subindex=own_int(row, "subindex", _U8, out) or 0,
+            bits=own_int(row, "bits", _U16, out) or 0,
+        )
+        for row in node.maps("entries")
+    )
+    is_read = isinstance(node.get("entries"), SeqNode)
+    return _printable(record_of(Pdo, node, out, {"index": _U16}, entries=entries, is_read=is_read))
 
 
 def _fsoe(node: MapNode, out: Collector) -> ScannedFsoe:

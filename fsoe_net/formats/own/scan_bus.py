@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from fsoe_net.model.bus import Device, Direction, Entry, Pdo, SyncManager
+from fsoe_net.model.bus import Device, Direction, SyncManager
 from fsoe_net.model.description import DescribedConnection, DescribedSubDevice, Description
-from fsoe_net.model.scan import Scan, ScannedPdo, ScannedSm, ScannedSubDevice
+from fsoe_net.model.scan import Scan, ScannedSm, ScannedSubDevice
 
 
 def describe_scan(scan: Scan, path: str) -> Description:
@@ -60,28 +60,20 @@ def _subdevice(sub: ScannedSubDevice, path: str) -> DescribedSubDevice:
 
 
 def _is_whole(sm: ScannedSm) -> bool:
-    known = all(p.entries is not None for p in sm.pdos or ())
+    known = all(p.is_read for p in sm.pdos or ())
     return bool(sm.pdos) and known and sm.complete
 
 
 def described_manager(sm: ScannedSm) -> SyncManager:
-    """Return a sync manager with those of its PDOs that were read."""
+    """Return a sync manager with its PDOs."""
     out = sm.kind in ("outputs", "mailbox_out")
     return SyncManager(
         span=sm.span,
         index=sm.index,
         direction=Direction.OUTPUT if out else Direction.INPUT,
-        pdos=tuple(_pdo(p) for p in sm.pdos or ()) if sm.is_process_data else (),
+        pdos=sm.pdos or () if sm.is_process_data else (),
         start_byte=sm.start_byte,
     )
-
-
-def _pdo(pdo: ScannedPdo) -> Pdo:
-    entries = tuple(
-        Entry(span=e.span, index=e.index, subindex=e.subindex, bits=e.bits)
-        for e in pdo.entries or ()
-    )
-    return Pdo(span=pdo.span, index=pdo.index, name=pdo.name, entries=entries)
 
 
 def _connections(

@@ -6,12 +6,13 @@ import json
 from collections.abc import Collection, Iterator
 
 from fsoe_net.errors import InputError
-from fsoe_net.formats.shared.writers import quoted
+from fsoe_net.formats.shared.writers import plain_text, quoted
 from fsoe_net.model.bus import Device, Direction, Entry, EntryView, Pdo, Sdo, SyncManager, Watchdog
 from fsoe_net.model.drives import driver_facts
 from fsoe_net.model.type_words import DRIVER_WORD, TYPE_BITS
 
-_LONGEST_BITS = 255  # the driver stores the bits of an entry in one byte
+LONGEST_BITS = 255
+"""Maximum length of an entry: the driver stores its bits in one byte."""
 _OF_CHANNELS = ("for", "factor_from_sdo", "mask")  # written in channels
 _GROUP = {Direction.OUTPUT: "rpdo", Direction.INPUT: "tpdo"}
 
@@ -109,21 +110,22 @@ def _sdo(sdo: Sdo, name: str, notes: list[str]) -> str:
 
 
 def _pdo(pdo: Pdo, direction: Direction, name: str, notes: list[str]) -> Iterator[str]:
-    yield f"  - index: 0x{pdo.index:04x}"
+    title = plain_text(pdo.name)
+    yield f"  - index: 0x{pdo.index:04x}{f'   # {title}' if title else ''}"
     if not pdo.entries:
         notes.append(f"{name}: PDO 0x{pdo.index:04x} has no entries; the device's own are used")
         return
     yield "    channels:"
     for entry in pdo.entries:
-        if entry.bits <= _LONGEST_BITS:
+        if entry.bits <= LONGEST_BITS and (entry.bits or not entry.is_gap):
             yield from _channel(entry, direction)
             continue
         if not entry.is_gap:
             raise InputError(
                 f"{name}: {entry.address} has {entry.bits} bits; the driver counts up to 255"
             )
-        for first in range(0, entry.bits, _LONGEST_BITS):
-            bits = min(_LONGEST_BITS, entry.bits - first)
+        for first in range(0, entry.bits, LONGEST_BITS):
+            bits = min(LONGEST_BITS, entry.bits - first)
             yield from _channel(Entry(index=0, subindex=0, bits=bits), direction)
 
 
