@@ -35,6 +35,14 @@ class PdoFacts:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class OfferedPdo(PdoFacts):
+    """A PDO with the facts of its source; a ``virtual`` one has no place in the process data."""
+
+    pdo: Pdo
+    virtual: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class TypeFacts:
     """Facts of a source about a device, in addition to its current process data.
 

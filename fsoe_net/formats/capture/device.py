@@ -294,7 +294,7 @@ def _offered(read: _Read, from_sii: DescribedSubDevice, image: SiiImage) -> tupl
             mapping = read.station.mapping(index)
             if mapping:
                 found[index] = _mapped(read, index, mapping)
-    stored = [p.model(image.text, read.span) for p in image.pdos]
+    stored = [p.pdo for p in image.pdos]
     for pdo in (*stored, *from_sii.available):
         found.setdefault(pdo.index, pdo)
     return tuple(found.values())

@@ -13,7 +13,13 @@ from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.source import xml_number
 from fsoe_net.formats.shared.xml_tree import Element
 from fsoe_net.model.bus import Device, Direction, Entry, Pdo, Sdo, SyncManager, Watchdog
-from fsoe_net.model.description import ClockFacts, DescribedSubDevice, MailboxFacts, StartFacts
+from fsoe_net.model.description import (
+    ClockFacts,
+    DescribedSubDevice,
+    MailboxFacts,
+    OfferedPdo,
+    StartFacts,
+)
 
 _MAX_SM = 15
 _FMMU_REGISTERS = range(0x0600, 0x0700)
@@ -52,8 +58,8 @@ def read_slave(element: Element, number: int, out: Collector, path: str) -> EniS
     info = element.first("Info") or element
     notes: list[str] = []
     process_data = element.first("ProcessData")
-    pdos, available = _pdos(process_data, out)
-    managers = () if process_data is None else _managers(process_data, pdos, out, notes)
+    offered = _pdos(process_data, out)
+    managers = () if process_data is None else _managers(process_data, offered, out, notes)
     assigned = {p.index for sm in managers for p in sm.pdos or ()}
     fmmus, activate = _registers(element.first("InitCmds"), out)
     hot = element.first("HotConnect") is not None
@@ -79,7 +85,7 @@ def read_slave(element: Element, number: int, out: Collector, path: str) -> EniS
         name=info.text_of("Name"),
         position=None if hot else _position(info, number, out),
         device=device,
-        available=tuple(p for p in available if p.index not in assigned),
+        available=tuple(o.pdo for o in offered if o.index not in assigned),
         revision=revision,
         serial=xml_number(info.first("SerialNo"), out) or None,  # 0: any
         notes=tuple(notes),
@@ -194,15 +200,8 @@ def pdo_of(element: Element, out: Collector) -> Pdo | None:
     return Pdo(span=element.span, index=index, entries=tuple(entries))
 
 
-@dataclass(frozen=True, slots=True)
-class _Offered:
-    pdo: Pdo
-    sm: int | None
-    direction: Direction
-
-
-def _pdos(process_data: Element | None, out: Collector) -> tuple[list[_Offered], list[Pdo]]:
-    offered: list[_Offered] = []
+def _pdos(process_data: Element | None, out: Collector) -> list[OfferedPdo]:
+    offered: list[OfferedPdo] = []
     for element in process_data.children if process_data is not None else ():
         if element.name not in ("RxPdo", "TxPdo"):
             continue
@@ -212,16 +211,16 @@ def _pdos(process_data: Element | None, out: Collector) -> tuple[list[_Offered],
             direction = Direction.OUTPUT if element.name == "RxPdo" else Direction.INPUT
             # isdigit() is also true for digits such as ², which int() rejects.
             number = int(sm) if sm.isascii() and sm.isdigit() and len(sm) < 4 else None
-            offered.append(_Offered(pdo, number, direction))
-    return offered, [o.pdo for o in offered]
+            offered.append(OfferedPdo(pdo=pdo, index=pdo.index, sm=number, direction=direction))
+    return offered
 
 
 def _managers(
-    process_data: Element, offered: list[_Offered], out: Collector, notes: list[str]
+    process_data: Element, offered: list[OfferedPdo], out: Collector, notes: list[str]
 ) -> tuple[SyncManager, ...]:
     managers = []
     # An RxPdo and a TxPdo may have the same number.
-    by_index = {(o.direction, o.pdo.index): o.pdo for o in offered}
+    by_index = {(o.direction, o.index): o.pdo for o in offered}
     for number in range(_MAX_SM + 1):
         sm = process_data.first(f"Sm{number}")
         direction = None if sm is None else _TYPES.get(sm.text_of("Type").lower())

@@ -18,7 +18,6 @@ from fsoe_net.model.description import (
     ClockFacts,
     DescribedSubDevice,
     MailboxFacts,
-    PdoFacts,
     StartFacts,
     TypeFacts,
 )
@@ -90,7 +89,7 @@ class _DeviceReader:
     ) -> DescribedSubDevice | None:
         pdos, sdos = self._part(self._element, PartReader(self._out))
         # Reversed, so that the first of two PDOs with the same number counts.
-        self._at = {(p.pdo.index, p.direction): n for n, p in reversed([*enumerate(pdos)])}
+        self._at = {(p.index, p.direction): n for n, p in reversed([*enumerate(pdos)])}
         idents: list[int] = []
         added = False
         for place, ident in self._chosen(modules):
@@ -104,7 +103,7 @@ class _DeviceReader:
             sdos += more_sdos
             idents.append(ident)
         if added:
-            pdos.sort(key=lambda p: p.pdo.index)
+            pdos.sort(key=lambda p: p.index)
             self._note("PDOs of modules are put in the order of their index")
         if self._broken:
             return None
@@ -136,18 +135,7 @@ class _DeviceReader:
         mailbox = self._element.first("Mailbox")
         coe = mailbox.first("CoE") if mailbox is not None else None
         return TypeFacts(
-            pdos=tuple(
-                PdoFacts(
-                    index=p.pdo.index,
-                    direction=p.direction,
-                    sm=p.sm,
-                    fixed=p.fixed,
-                    mandatory=p.mandatory,
-                    excludes=p.excludes,
-                )
-                for p in pdos
-                if not p.virtual
-            ),
+            pdos=tuple(p for p in pdos if not p.virtual),
             assignable=None if coe is None else flag(coe, "PdoAssign"),
             modular=self._has_choice(),
             default_bytes={
@@ -177,7 +165,7 @@ class _DeviceReader:
         self._notes += part.notes
         for pdo in pdos:
             if pdo.mark:
-                self._note(f"PDO 0x{pdo.pdo.index:04x} is marked {pdo.mark}")
+                self._note(f"PDO 0x{pdo.index:04x} is marked {pdo.mark}")
         return pdos, sdos
 
     def _is_too_much(self, place: SlotPlace) -> bool:
@@ -235,15 +223,15 @@ class _DeviceReader:
         """Add the PDOs of a module; return whether one is new."""
         added = False
         for new in more:
-            at = self._at.get((new.pdo.index, new.direction))
+            at = self._at.get((new.index, new.direction))
             if at is None:
-                self._at[new.pdo.index, new.direction] = len(pdos)
+                self._at[new.index, new.direction] = len(pdos)
                 pdos.append(new)
                 added = True
                 continue
             old = pdos[at]
             if not old.by_module:
-                self._note(f"PDO 0x{new.pdo.index:04x} of the device gives way to a module")
+                self._note(f"PDO 0x{new.index:04x} of the device gives way to a module")
             sm = new.sm if new.sm is not None else old.sm
             pdos[at] = replace(new, sm=sm, mandatory=new.mandatory or old.mandatory)
         return added
@@ -312,7 +300,7 @@ class _DeviceReader:
         return tuple(managers), tuple(available)
 
     def _place_of(self, pdo: EsiPdo, written: dict[int, _Manager]) -> int | None:
-        what = f"PDO 0x{pdo.pdo.index:04x}"
+        what = f"PDO 0x{pdo.index:04x}"
         manager = written.get(pdo.sm) if pdo.sm is not None else None
         if pdo.virtual and (manager is None or not manager.virtual):
             self._note(f"{what} is virtual: it has no place in the process data")
@@ -333,9 +321,9 @@ class _DeviceReader:
     def _place_of_mandatory(self, pdo: EsiPdo, written: dict[int, _Manager]) -> int | None:
         for manager in written.values():
             if manager.direction is pdo.direction and not manager.mailbox:
-                self._note(f"mandatory PDO 0x{pdo.pdo.index:04x} is put on SM{manager.index}")
+                self._note(f"mandatory PDO 0x{pdo.index:04x} is put on SM{manager.index}")
                 return manager.index
-        self._note(f"mandatory PDO 0x{pdo.pdo.index:04x} is left out: no sync manager carries it")
+        self._note(f"mandatory PDO 0x{pdo.index:04x} is left out: no sync manager carries it")
         return None
 
     def _contradictions(self, assigned: list[EsiPdo]) -> None:
@@ -343,7 +331,7 @@ class _DeviceReader:
         by_index: dict[int, EsiPdo] = {}
         unwanted: dict[int, EsiPdo] = {}
         for pdo in assigned:
-            index = pdo.pdo.index
+            index = pdo.index
             other = seen.get((index, pdo.direction))
             if other is not None:
                 message = f"PDO 0x{index:04x} is assigned twice"
@@ -352,7 +340,7 @@ class _DeviceReader:
                 (by_index[e] for e in pdo.excludes if e in by_index), None
             )
             if earlier is not None:
-                message = f"PDO 0x{index:04x} and 0x{earlier.pdo.index:04x} exclude each other"
+                message = f"PDO 0x{index:04x} and 0x{earlier.index:04x} exclude each other"
                 hint = "only one can be assigned; take Sm from the other"
                 self._contradiction(pdo, message, hint, earlier)
             seen[index, pdo.direction] = pdo
@@ -419,7 +407,7 @@ def esi_start(element: Element, revision: int | None, pdos: Iterable[EsiPdo]) ->
         starts=_numbers(managers, "StartAddress", 0xFFFF),
         controls=_numbers(managers, "ControlByte", 0xFF),
         assigns=coe is not None and flag(coe, "PdoAssign"),
-        maps=frozenset(p.pdo.index for p in pdos if maps and not p.fixed),
+        maps=frozenset(p.index for p in pdos if maps and not p.fixed),
     )
 
 

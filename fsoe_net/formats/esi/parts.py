@@ -8,6 +8,7 @@ from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.source import esi_number
 from fsoe_net.formats.shared.xml_tree import Element
 from fsoe_net.model.bus import Direction, Entry, Pdo, Sdo
+from fsoe_net.model.description import OfferedPdo
 
 MAX_PDO_BITS = 8 * 65536
 MAX_SLOTS = 4096
@@ -18,17 +19,10 @@ _OTHER = {Direction.OUTPUT: "RxPdo", Direction.INPUT: "TxPdo"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class EsiPdo:
-    """A PDO with the ESI data about its assignment. ``sm`` is ``None`` if it is unassigned."""
+class EsiPdo(OfferedPdo):
+    """A PDO of a device or module; modules replace one that is ``by_module``."""
 
-    pdo: Pdo
-    direction: Direction
-    sm: int | None
-    fixed: bool
-    mandatory: bool
-    virtual: bool
     by_module: bool
-    excludes: frozenset[int]
     mark: str
 
 
@@ -102,6 +96,7 @@ class PartReader:
         excludes = (self._excluded(e) for e in element.all("Exclude"))
         return EsiPdo(
             pdo=pdo,
+            index=index,
             direction=direction,
             sm=self._sm(element),
             fixed=flag(element, "Fixed"),

@@ -12,14 +12,15 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable
 
-from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.diag.words import counted
 from fsoe_net.model.bus import Direction, Entry, Pdo
+from fsoe_net.model.description import OfferedPdo
 
 _PDO = struct.Struct("<HBBBBH")
 _ENTRY = struct.Struct("<HBBBBH")
 _VIRTUAL = 0x0020
+_UNASSIGNED = 0xFF  # in place of a sync manager
 _TYPES = {
     1: "BOOL",
     2: "SINT",
@@ -34,50 +35,6 @@ _TYPES = {
     0x1B: "ULINT",
     **{0x30 + n: f"BIT{n + 1}" for n in range(8)},
 }
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SiiEntry:
-    """An entry of a PDO; ``name`` is the number of a string."""
-
-    index: int
-    subindex: int
-    name: int
-    kind: int
-    bits: int
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SiiPdo:
-    """A PDO; ``sm`` 0xFF means that it is not assigned."""
-
-    index: int
-    direction: Direction
-    sm: int
-    name: int
-    virtual: bool
-    entries: tuple[SiiEntry, ...]
-
-    def model(self, text: Callable[[int], str], span: Span) -> Pdo:
-        """Return the PDO of the model.
-
-        Args:
-            text: Returns a string by its number.
-            span: The image.
-        """
-        entries = (
-            Entry(
-                index=e.index,
-                subindex=e.subindex,
-                bits=e.bits,
-                type_name=_TYPES.get(e.kind, "") if e.index else "",
-                name=text(e.name),
-                span=span,
-            )
-            for e in self.entries
-            if e.bits
-        )
-        return Pdo(index=self.index, entries=tuple(entries), name=text(self.name), span=span)
 
 
 def sii_strings(body: bytes) -> tuple[list[str], str]:
@@ -115,9 +72,18 @@ def sii_general(body: bytes) -> tuple[int, int] | None:
     return (body[3], body[2]) if len(body) >= 6 else None
 
 
-def sii_pdos(body: bytes, direction: Direction) -> tuple[list[SiiPdo], str]:
-    """Return the complete PDOs, and the error after them if any."""
-    found: list[SiiPdo] = []
+def sii_pdos(
+    body: bytes, direction: Direction, text: Callable[[int], str], span: Span
+) -> tuple[list[OfferedPdo], str]:
+    """Return the complete PDOs, and the error after them if any.
+
+    Args:
+        body: The category.
+        direction: That of its PDOs.
+        text: Returns a string by its number.
+        span: The image.
+    """
+    found: list[OfferedPdo] = []
     at = 0
     while at < len(body):
         if len(body) - at < _PDO.size:
@@ -128,21 +94,29 @@ def sii_pdos(body: bytes, direction: Direction) -> tuple[list[SiiPdo], str]:
         if index == 0 and count == 0:
             return found, "zeros follow the last PDO" if any(body[at:]) else ""
         at += _PDO.size
-        if len(body) - at < count * _ENTRY.size:
+        end = at + count * _ENTRY.size
+        if end > len(body):
             return found, f"PDO 0x{index:04x} with {counted(count, 'entry')} is cut off"
-        entries = (_ENTRY.unpack_from(body, at + n * _ENTRY.size) for n in range(count))
+        entries = (
+            Entry(
+                index=number,
+                subindex=subindex,
+                bits=bits,
+                type_name=_TYPES.get(kind, "") if number else "",
+                name=text(title),
+                span=span,
+            )
+            for number, subindex, title, kind, bits, _ in _ENTRY.iter_unpack(body[at:end])
+            if bits
+        )
         found.append(
-            SiiPdo(
+            OfferedPdo(
+                pdo=Pdo(index=index, entries=tuple(entries), name=text(name), span=span),
                 index=index,
                 direction=direction,
-                sm=sm,
-                name=name,
+                sm=None if sm == _UNASSIGNED else sm,
                 virtual=bool(flags & _VIRTUAL),
-                entries=tuple(
-                    SiiEntry(index=i, subindex=sub, name=text, kind=kind, bits=bits)
-                    for i, sub, text, kind, bits, _ in entries
-                ),
             )
         )
-        at += count * _ENTRY.size
+        at = end
     return found, ""

@@ -12,6 +12,7 @@ words and a body; type 0xFFFF ends them:
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterator
 from dataclasses import field
 
 import crcmod
@@ -24,9 +25,9 @@ from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.limits import MAX_SII_BYTES
 from fsoe_net.formats.shared.source import Source, source_bytes
 from fsoe_net.formats.sii.hex_text import binary_of, is_hex_text
-from fsoe_net.formats.sii.parts import SiiPdo, sii_general, sii_pdos, sii_strings
+from fsoe_net.formats.sii.parts import sii_general, sii_pdos, sii_strings
 from fsoe_net.model.bus import Device, Direction, Pdo, SyncManager
-from fsoe_net.model.description import DescribedSubDevice, Description, TypeFacts
+from fsoe_net.model.description import DescribedSubDevice, Description, OfferedPdo, TypeFacts
 
 _HEADER_BYTES = 0x80
 _IDENTITY_BYTES = 0x20
@@ -75,9 +76,8 @@ class SiiImage:
     strings: list[str] = field(default_factory=list)
     general: tuple[int, int] | None = None
     managers: tuple[SiiManager, ...] = ()
-    pdos: list[SiiPdo] = field(default_factory=list)
+    pdos: list[OfferedPdo] = field(default_factory=list)
     assign_activate: tuple[int, ...] = ()
-    categories: list[int] = field(default_factory=list)
     broken: bool = False
 
     def text(self, number: int) -> str:
@@ -214,6 +214,23 @@ def _shift_hint(data: bytes) -> str:
 
 
 def _categories(data: bytes, image: SiiImage, span: Span, out: Collector) -> None:
+    rows = list(_bodies(data, image, span, out))
+    seen: set[int] = set()
+    # PDOs have the numbers of their names, which may follow.
+    for kind, at, body in sorted(rows, key=lambda row: row[0] != _STRINGS):
+        if kind in _REPEATED & seen:
+            message = f"category {kind} at byte 0x{at - 4:x} is there twice"
+            hint = "the first one is used"
+            out.add("FSN138", span, message, hint=hint, severity=Severity.WARNING)
+        else:
+            seen.add(kind)
+            _category(kind, body, at, image, span, out)
+
+
+def _bodies(
+    data: bytes, image: SiiImage, span: Span, out: Collector
+) -> Iterator[tuple[int, int, bytes]]:
+    """Yield type, place and body of each category."""
     at = _HEADER_BYTES
     while True:
         if at + 2 > len(data):
@@ -233,8 +250,7 @@ def _categories(data: bytes, image: SiiImage, span: Span, out: Collector) -> Non
                 f"{max(len(data) - begin, 0)} bytes are left"
             )
             return _cut(image, span, out, message)
-        image.categories.append(kind)
-        _category(kind, data[begin:end], begin, image, span, out)
+        yield kind, begin, data[begin:end]
         at = end
 
 
@@ -245,11 +261,6 @@ def _cut(image: SiiImage, span: Span, out: Collector, message: str) -> None:
 
 
 def _category(kind: int, body: bytes, at: int, image: SiiImage, span: Span, out: Collector) -> None:
-    if kind in _REPEATED and image.categories.count(kind) > 1:
-        message = f"category {kind} at byte 0x{at - 4:x} is there twice"
-        hint = "the first one is used"
-        out.add("FSN138", span, message, hint=hint, severity=Severity.WARNING)
-        return
     fault = ""
     if kind == _STRINGS:
         image.strings, fault = sii_strings(body)
@@ -265,7 +276,7 @@ def _category(kind: int, body: bytes, at: int, image: SiiImage, span: Span, out:
         image.assign_activate = tuple(int.from_bytes(body[n + 14 : n + 16], "little") for n in rows)
     elif kind in (_TX, _RX):
         direction = Direction.INPUT if kind == _TX else Direction.OUTPUT
-        read, fault = sii_pdos(body, direction)
+        read, fault = sii_pdos(body, direction, image.text, span)
         image.pdos += read
     if fault:
         image.broken = True
@@ -341,31 +352,32 @@ def _placed_pdos(
     """Return the PDOs by sync manager, and those without one."""
     assigned: dict[int, list[Pdo]] = {}
     available: list[Pdo] = []
-    for pdo in image.pdos:
-        model = pdo.model(image.text, span)
+    for row in image.pdos:
         # Virtual PDOs are placed on a virtual sync manager, such as a register of the clock.
-        elsewhere = pdo.virtual and not _is_virtual(pdo.sm, image)
-        if pdo.sm == 0xFF or elsewhere:
-            available.append(model)
-            if elsewhere:
-                notes.append(f"PDO 0x{pdo.index:04x} is virtual: no place in the process data")
+        elsewhere = row.virtual and not _is_virtual(row.sm, image)
+        if elsewhere:
+            notes.append(f"PDO 0x{row.index:04x} is virtual: no place in the process data")
+        if row.sm is None or elsewhere:
+            available.append(row.pdo)
             continue
-        _check_place(pdo, image, span, out)
-        assigned.setdefault(pdo.sm, []).append(model)
+        _check_place(row, row.sm, image, span, out)
+        assigned.setdefault(row.sm, []).append(row.pdo)
     return assigned, available
 
 
-def _is_virtual(index: int, image: SiiImage) -> bool:
-    return index < len(image.managers) and bool(image.managers[index].enable & _VIRTUAL_SM)
+def _is_virtual(sm: int | None, image: SiiImage) -> bool:
+    if sm is None or sm >= len(image.managers):
+        return False
+    return bool(image.managers[sm].enable & _VIRTUAL_SM)
 
 
-def _check_place(pdo: SiiPdo, image: SiiImage, span: Span, out: Collector) -> None:
-    what = f"PDO 0x{pdo.index:04x} goes to SM{pdo.sm}"
-    if pdo.sm >= len(image.managers):
+def _check_place(pdo: OfferedPdo, sm: int, image: SiiImage, span: Span, out: Collector) -> None:
+    what = f"PDO 0x{pdo.index:04x} goes to SM{sm}"
+    if sm >= len(image.managers):
         message = f"{what}, which the image does not set up"
-    elif image.managers[pdo.sm].use in (1, 2):
+    elif image.managers[sm].use in (1, 2):
         message = f"{what}, which is a mailbox"
-    elif image.managers[pdo.sm].use and image.managers[pdo.sm].direction is not pdo.direction:
+    elif image.managers[sm].use and image.managers[sm].direction is not pdo.direction:
         message = f"{what}, which has the other direction"
     else:
         return
