@@ -33,7 +33,15 @@ from fsoe_net.model.report_facts import Logo
 from fsoe_net.model.written import without_principal
 from fsoe_net.report.first_page import first_page, title_block
 from fsoe_net.report.inputs import ReportInputs
-from fsoe_net.report.model import LEVELS, Point, PointKind, ReportDocument, ReportSection
+from fsoe_net.report.model import (
+    LEVELS,
+    Point,
+    PointKind,
+    ReportDocument,
+    ReportSection,
+    assumption,
+    open_point,
+)
 from fsoe_net.report.section_copies import copies
 from fsoe_net.report.section_evidence import bus_evidence, is_of_machine
 from fsoe_net.report.section_functions import causes_and_effects, function_pages
@@ -110,8 +118,8 @@ def _point(inputs: ReportInputs, found: Diagnostic) -> Point:
     text = f"{found.code} at {found.span}: {found.message}"
     justified = inputs.justification(found)
     if justified is None:
-        return Point(PointKind.OPEN, text)
-    return Point(PointKind.ASSUMPTION, f"{text} (let pass by {justified.by}: {justified.reason})")
+        return open_point(text)
+    return assumption(f"{text} (let pass by {justified.by}: {justified.reason})")
 
 
 def _against(sections: Sequence[ReportSection]) -> tuple[tuple[str, Verdict], ...]:

@@ -31,6 +31,16 @@ class Point:
     text: str
 
 
+def open_point(text: str) -> Point:
+    """Return a point that a person must settle."""
+    return Point(PointKind.OPEN, text)
+
+
+def assumption(text: str) -> Point:
+    """Return a point that is assumed."""
+    return Point(PointKind.ASSUMPTION, text)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReportSection(Section):
     """A section of a report, with its open points and assumptions."""

@@ -28,7 +28,7 @@ from fsoe_net.plan.image import IghDomain, igh_image
 from fsoe_net.plan.model import NONE, Plan, PlanCopy
 from fsoe_net.plan.show import copy_end
 from fsoe_net.report.inputs import ReportInputs
-from fsoe_net.report.model import Point, PointKind, ReportSection
+from fsoe_net.report.model import ReportSection, assumption, open_point
 from fsoe_net.report.svg import copy_picture
 
 _IMAGE = "process image that IgH and fsn-master lay out from the plan"
@@ -53,7 +53,7 @@ def copies(inputs: ReportInputs) -> ReportSection:
             key="copies",
             title=title,
             parts=(Paragraph((Text("No plan can be made: there is no copy table to judge."),)),),
-            points=(Point(PointKind.OPEN, "there is no copy table"),),
+            points=(open_point("there is no copy table"),),
         )
     domain = igh_image(plan)
     moved = sum(c.size_bytes for c in plan.copies)
@@ -86,11 +86,10 @@ def copies(inputs: ReportInputs) -> ReportSection:
         for n, c in enumerate(plan.copies)
     ]
     points = (
-        Point(
-            PointKind.ASSUMPTION,
+        assumption(
             "logical addresses and datagrams are those of a MainDevice that registers the entries "
             "in driver order in one domain from address 0, with at most 1486 bytes per datagram; "
-            "others lay the image out otherwise, the copied bytes are the same",
+            "others lay the image out otherwise, the copied bytes are the same"
         ),
     )
     return ReportSection(key="copies", title=title, parts=tuple(parts), points=points)

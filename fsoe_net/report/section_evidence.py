@@ -36,7 +36,7 @@ from fsoe_net.live.health import (
 from fsoe_net.model.scan import Scan, ScannedSubDevice
 from fsoe_net.report.evidence import Evidence, LiveEvidence, RunEvidence
 from fsoe_net.report.inputs import ReportInputs
-from fsoe_net.report.model import Point, PointKind, ReportSection
+from fsoe_net.report.model import ReportSection, open_point
 from fsoe_net.report.section_identity import files_table
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ def bus_evidence(inputs: ReportInputs) -> ReportSection:
         text = "There is no evidence of the machine; all other facts are from the files."
         parts.append(Paragraph((Text(text),)))
     words = [*_other_plans(inputs), *_unread(inputs)]
-    points = tuple(Point(PointKind.OPEN, text) for text in words)
+    points = tuple(open_point(text) for text in words)
     return ReportSection(
         key="bus_evidence", title="Bus evidence", parts=tuple(parts), points=points
     )

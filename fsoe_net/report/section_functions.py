@@ -28,7 +28,7 @@ from fsoe_net.model.safety import ElementKind, SafetyFunction, level_words
 from fsoe_net.model.test_record import StepKind, TestStep
 from fsoe_net.report.function_picture import function_picture
 from fsoe_net.report.inputs import ReportInputs
-from fsoe_net.report.model import Point, PointKind, ReportSection
+from fsoe_net.report.model import ReportSection, open_point
 from fsoe_net.report.section_quantities import claim_cell, mission_cell, shortest_mission
 from fsoe_net.report.section_safe_bits import safe_bits
 from fsoe_net.report.section_tests import by_hand, limit, who
@@ -61,7 +61,7 @@ def _page(
 ) -> ReportSection:
     f = row.function
     points = [
-        Point(PointKind.OPEN, words)
+        open_point(words)
         for words, text in (("no reset is stated", f.reset), ("no modes are stated", f.modes))
         if not text
     ]

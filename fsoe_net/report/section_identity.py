@@ -22,7 +22,7 @@ from fsoe_net.document.model import (
 from fsoe_net.model.network import SourceFile
 from fsoe_net.plan.fingerprint import fingerprint_of
 from fsoe_net.report.inputs import GivenPlan, ReportInputs
-from fsoe_net.report.model import Point, PointKind, ReportSection
+from fsoe_net.report.model import Point, ReportSection, open_point
 from fsoe_net.report.self_test_result import self_test_parts
 
 ROLE = (
@@ -45,9 +45,7 @@ def identity(inputs: ReportInputs) -> ReportSection:
     points = []
     # People sign for a machine: without its name, the report could belong to another one.
     if not project:
-        points.append(
-            Point(PointKind.OPEN, "the machine is not named; write project: in the network file")
-        )
+        points.append(open_point("the machine is not named; write project: in the network file"))
     rows: list[tuple[Cell, Cell]] = [
         (
             cell("Machine, project"),
@@ -69,7 +67,7 @@ def identity(inputs: ReportInputs) -> ReportSection:
     if network is not None:
         rows += [(cell(f"Bus {bus.name}"), _cycle(bus.cycle_ns)) for bus in network.buses]
     if ns is None:
-        points.append(Point(PointKind.OPEN, "the bus cycle is not stated"))
+        points.append(open_point("the bus cycle is not stated"))
     parts: list[Part] = [
         Table(name="identity", columns=(Column("What"), Column("Value")), rows=tuple(rows)),
         Heading("Input files"),
@@ -100,7 +98,7 @@ def _given(given: GivenPlan, inputs: ReportInputs, points: list[Point]) -> list[
         verdict = Verdict(f"is NOT the plan of these files{where}", Level.ERROR)
     # A plan file that was not compared, or differs, stays open until a person decides.
     if not same:
-        points.append(Point(PointKind.OPEN, f"{given.source.path} {verdict.word}"))
+        points.append(open_point(f"{given.source.path} {verdict.word}"))
     row = (cell(code(given.source.path)), cell(code(given.source.sha256)), cell(verdict))
     columns = (Column("File"), Column("SHA-256"), Column("Verdict"))
     return [Heading("Plan file"), Table(name="plan file", columns=columns, rows=(row,))]

@@ -38,7 +38,7 @@ from fsoe_net.model.resolve import Connection
 from fsoe_net.model.scan import ScannedSubDevice
 from fsoe_net.model.test_record import DeviceEntry
 from fsoe_net.report.inputs import ReportInputs
-from fsoe_net.report.model import Point, PointKind, ReportSection
+from fsoe_net.report.model import Point, ReportSection, assumption, open_point
 from fsoe_net.report.svg import topology_picture
 
 _READ = {
@@ -89,7 +89,7 @@ def architecture(inputs: ReportInputs) -> ReportSection:
         names = [e.subdevice for e in entries if key in e.blank()]
         if names:
             words = f"{word} to be read at the device: {listed(names)}"
-            points.append(Point(PointKind.OPEN, words))
+            points.append(open_point(words))
     return ReportSection(
         key="architecture", title="Architecture", parts=tuple(parts), points=tuple(points)
     )
@@ -258,7 +258,7 @@ def connections(inputs: ReportInputs) -> ReportSection:
             key="connections",
             title=title,
             parts=(Paragraph((Text("No FSoE connection resolves."),)),),
-            points=(Point(PointKind.OPEN, "there is no FSoE connection to judge"),),
+            points=(open_point("there is no FSoE connection to judge"),),
         )
     points: list[Point] = []
     # Addresses belong to SubInstances, connection IDs to connections: they are unique in different
@@ -300,10 +300,9 @@ def connections(inputs: ReportInputs) -> ReportSection:
         ),
     )
     points.append(
-        Point(
-            PointKind.ASSUMPTION,
+        assumption(
             "connection IDs, addresses, watchdogs and parameters are as the network file states "
-            "them; the devices and the safety project have to hold the same",
+            "them; the devices and the safety project have to hold the same"
         )
     )
     return ReportSection(key="connections", title=title, parts=parts, points=tuple(points))
@@ -345,10 +344,10 @@ def _open_facts(c: Connection) -> list[Point]:
     points = []
     if missing:
         words = f"{c.name}: {', '.join(missing)} not stated"
-        points.append(Point(PointKind.OPEN, words))
+        points.append(open_point(words))
     if facts.unconfirmed is not None:
         reason = f": {facts.unconfirmed}" if facts.unconfirmed else ""
-        points.append(Point(PointKind.OPEN, f"{c.name} is unconfirmed{reason}"))
+        points.append(open_point(f"{c.name} is unconfirmed{reason}"))
     return points
 
 

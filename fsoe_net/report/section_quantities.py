@@ -22,7 +22,7 @@ from fsoe_net.document.model import (
 )
 from fsoe_net.model.safety import SafetyElement
 from fsoe_net.report.inputs import ReportInputs
-from fsoe_net.report.model import Point, PointKind, ReportSection
+from fsoe_net.report.model import Point, ReportSection, assumption, open_point
 from fsoe_net.timing.elements import ElementRow
 from fsoe_net.timing.pfh import NOT_ASSESSED
 from fsoe_net.timing.reaction import FunctionBudget
@@ -37,35 +37,33 @@ def quantities(inputs: ReportInputs) -> ReportSection:
     functions = () if budget is None else budget.functions
     for row in functions:
         name = row.function.name
-        points += [Point(PointKind.OPEN, f"{name}: no PFH of {w}") for w in row.pfh.missing]
+        points += [open_point(f"{name}: no PFH of {w}") for w in row.pfh.missing]
         unclaimed = dict.fromkeys(w for claim in row.levels for w in claim.missing)
-        points += [Point(PointKind.OPEN, f"{name}: no PL or SIL claim of {w}") for w in unclaimed]
+        points += [open_point(f"{name}: no PL or SIL claim of {w}") for w in unclaimed]
         # Without a level there is no limit to compare the sum with.
         if row.pfh.limit is None:
             words = f"{name}: no level (PL or SIL) is required"
-            points.append(Point(PointKind.OPEN, words))
+            points.append(open_point(words))
     if functions:
         words = "PFH and claims of elements, and their sums, are on the page of each function."
         parts.append(Paragraph((Text(words),)))
         words = f"sums of PFH (in older data sheets PFH_D) only: {NOT_ASSESSED}"
-        points.append(Point(PointKind.ASSUMPTION, words))
+        points.append(assumption(words))
         points.append(
-            Point(
-                PointKind.ASSUMPTION,
+            assumption(
                 "1.00e-09 1/h is charged once per function for Safety over EtherCAT, as Beckhoff's "
-                "application guide for TwinSAFE does",
+                "application guide for TwinSAFE does"
             )
         )
     else:
         parts.append(Paragraph((Text("No safety function is stated: there is no sum of PFH."),)))
-        points.append(Point(PointKind.OPEN, "no PFH is summed: no safety function is stated"))
+        points.append(open_point("no PFH is summed: no safety function is stated"))
     if budget is not None and budget.connections:
         parts += [Heading("Rate of safety PDUs"), _rates(budget.connections)]
         points.append(
-            Point(
-                PointKind.ASSUMPTION,
+            assumption(
                 "residual errors of FSoE are covered by its approval for the rate of safety PDUs "
-                "above; they are not worked out here",
+                "above; they are not worked out here"
             )
         )
     return ReportSection(

@@ -29,7 +29,7 @@ from fsoe_net.document.model import (
 from fsoe_net.model.acceptance import Acceptance, SignedBy
 from fsoe_net.plan.fingerprint import short_code
 from fsoe_net.report.inputs import Against, GivenRecord, ReportInputs, Signatures
-from fsoe_net.report.model import LEVELS, Point, PointKind, ReportSection
+from fsoe_net.report.model import LEVELS, Point, PointKind, ReportSection, assumption, open_point
 
 _MADE_FROM = (
     "SHA-256, made from the canonical text of everything safety-relevant in the plan. "
@@ -63,7 +63,7 @@ def fingerprint(inputs: ReportInputs) -> ReportSection:
             parts=(
                 Paragraph((Text("No fingerprint: a network with errors is not a configuration."),)),
             ),
-            points=(Point(PointKind.OPEN, "there is no fingerprint"),),
+            points=(open_point("there is no fingerprint"),),
         )
     rows: list[tuple[Cell, ...]] = [
         (cell(strong("short code")), cell(Text(found.short, Style.CODE))),
@@ -80,10 +80,9 @@ def fingerprint(inputs: ReportInputs) -> ReportSection:
             ),
         ),
         points=(
-            Point(
-                PointKind.ASSUMPTION,
+            assumption(
                 "the machine runs this configuration as long as its fsn-master shows this "
-                "fingerprint; compare the short code at the machine",
+                "fingerprint; compare the short code at the machine"
             ),
         ),
     )
@@ -102,7 +101,7 @@ def change_log(inputs: ReportInputs) -> ReportSection:
             key="change_log",
             title=title,
             parts=(Paragraph((Text(text),)),),
-            points=(Point(PointKind.OPEN, words),),
+            points=(open_point(words),),
         )
     found = against.difference
     count = len(found.changes)
@@ -119,20 +118,17 @@ def change_log(inputs: ReportInputs) -> ReportSection:
             )
         )
         points.append(
-            Point(
-                PointKind.OPEN,
-                f"{counted(count, 'change')} since {against.source.path}: to be tried again",
-            )
+            open_point(f"{counted(count, 'change')} since {against.source.path}: to be tried again")
         )
     # The compared files may be equal although the plan differs, for example because of another
     # library.
     elif _sections_changed(against, inputs):
         word = f"another fingerprint than {against.source.path}: to be tried again"
-        points.append(Point(PointKind.OPEN, word))
+        points.append(open_point(word))
     # Even without a change in the files, the record itself may have open steps.
     if points or against.again:
         parts += [Heading("Steps of the test record to do again"), _again(against)]
-    points += [Point(PointKind.OPEN, f"not compared: {w}") for w in found.not_compared]
+    points += [open_point(f"not compared: {w}") for w in found.not_compared]
     if inputs.accepted is not None and inputs.accepted.record.interventions:
         parts += [Heading("Interventions since the first record"), _interventions(inputs.accepted)]
     return ReportSection(key="change_log", title=title, parts=tuple(parts), points=tuple(points))
@@ -197,12 +193,12 @@ def sign_off(inputs: ReportInputs) -> ReportSection:
         Paragraph((Text("For the configuration with the short code "), code(short), Text(".")))
     ]
     if given is None:
-        return _sign_off(parts, (), Point(PointKind.OPEN, "not signed"))
+        return _sign_off(parts, (), open_point("not signed"))
     # A signed record of another configuration is worse than none: it must be visible.
     if not given.fits:
         word = f"{given.source.path} is the record of ANOTHER configuration"
         parts.append(Paragraph((Verdict(word, Level.ERROR), Text(f": {_of(given)}."))))
-        return _sign_off(parts, (), Point(PointKind.OPEN, f"not signed; {word}"))
+        return _sign_off(parts, (), open_point(f"not signed; {word}"))
     record = given.record
     word = f"{given.source.path} is a record of this configuration"
     parts.append(Paragraph((Verdict(word, Level.CLEAR), Text(f": {_of(given)}."))))
@@ -219,17 +215,13 @@ def sign_off(inputs: ReportInputs) -> ReportSection:
         )
     # If signatures were not checked, their existence is an assumption.
     if inputs.signed is None:
-        signed = Point(
-            PointKind.ASSUMPTION,
+        signed = assumption(
             f"the signatures of {record.author.name} and {record.verifier.name} stand on the "
-            "report that the record names",
+            "report that the record names"
         )
     else:
         parts += _signatures(inputs.signed)
-        signed = Point(
-            PointKind.ASSUMPTION,
-            "the keys belong to the people whom the file of allowed signers names",
-        )
+        signed = assumption("the keys belong to the people whom the file of allowed signers names")
     changed = _changed_files(record, inputs)
     return _sign_off(parts, (record.author, record.verifier), signed, *changed)
 
@@ -260,7 +252,7 @@ def _changed_files(record: Acceptance, inputs: ReportInputs) -> list[Point]:
         f"changed since the record, within the same fingerprint: {', '.join(changed)}; look what "
         "was changed: comments and names of files change nothing"
     )
-    return [Point(PointKind.OPEN, words)]
+    return [open_point(words)]
 
 
 def _of(given: GivenRecord) -> str:

@@ -26,7 +26,7 @@ from fsoe_net.document.model import (
 )
 from fsoe_net.model.test_record import AtMachine, StepOutcome, StepResult, TestStep
 from fsoe_net.report.inputs import ReportInputs, Tried
-from fsoe_net.report.model import Point, PointKind, ReportSection
+from fsoe_net.report.model import Point, ReportSection, open_point
 from fsoe_net.report.section_evidence import EMULATED, RUN_COLUMNS, plan_sha256
 from fsoe_net.report.section_identity import files_table
 
@@ -42,7 +42,7 @@ def tests(inputs: ReportInputs) -> ReportSection:
     # A missing record is an open point, not an error: the report can be created before the tests.
     if tried is None:
         parts.append(Paragraph((Text("The checklist is empty: no test record was given."),)))
-        points.append(Point(PointKind.OPEN, "no test record: nothing was tried at the machine"))
+        points.append(open_point("no test record: nothing was tried at the machine"))
     else:
         parts += [files_table("test record", [tried.source]), _checklist(tried)]
         points += _left(tried, inputs)
@@ -50,7 +50,7 @@ def tests(inputs: ReportInputs) -> ReportSection:
         if not tried.fits:
             word = f"{tried.source.path} cannot be taken for this network"
             parts.append(Paragraph((Verdict(word, Level.ERROR), Text(": see the open points."))))
-        points += [Point(PointKind.OPEN, f"{tried.source.path}:{note}") for note in tried.notes]
+        points += [open_point(f"{tried.source.path}:{note}") for note in tried.notes]
     parts += _circumstances(inputs)
     if inputs.run is not None:
         parts += _emulated_run(inputs.run)
@@ -58,7 +58,7 @@ def tests(inputs: ReportInputs) -> ReportSection:
     elif inputs.scenario:
         words = f"{inputs.scenario} was not run: the network has errors"
         parts += [Heading("Run on the emulated bus"), Paragraph((Text(f"{words}."),))]
-        points.append(Point(PointKind.OPEN, words))
+        points.append(open_point(words))
     return ReportSection(key="tests", title="Tests", parts=tuple(parts), points=tuple(points))
 
 
@@ -70,13 +70,13 @@ def _left(tried: Tried, inputs: ReportInputs) -> list[Point]:
     if left:
         steps = counted(len(test_record.machine_steps), "test step")
         words = f"{left} of {steps} open at the machine"
-        points.append(Point(PointKind.OPEN, words))
+        points.append(open_point(words))
     failed = test_record.failed_steps
     if failed:
         words = (
             f"{counted(len(failed), 'test step')} did not go as expected, first: {failed[0].what}"
         )
-        points.append(Point(PointKind.OPEN, words))
+        points.append(open_point(words))
     disputed = test_record.disputed_steps
     if disputed:
         words = (
@@ -84,10 +84,10 @@ def _left(tried: Tried, inputs: ReportInputs) -> list[Point]:
             f"program, first: "
             f"{disputed[0].what}"
         )
-        points.append(Point(PointKind.OPEN, words))
+        points.append(open_point(words))
     if test_record.plan_sha256 != plan_sha256(inputs):
         words = f"{tried.source.path} was made for another plan"
-        points.append(Point(PointKind.OPEN, words))
+        points.append(open_point(words))
     return points
 
 

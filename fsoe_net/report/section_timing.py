@@ -27,7 +27,7 @@ from fsoe_net.document.model import (
 from fsoe_net.report.budget import reaction_pictures
 from fsoe_net.report.inputs import ReportInputs
 from fsoe_net.report.measured_cycle import measured_cycle
-from fsoe_net.report.model import Point, PointKind, ReportSection
+from fsoe_net.report.model import Point, ReportSection, assumption, open_point
 from fsoe_net.timing.budget import Budget
 from fsoe_net.timing.elements import Quantity
 from fsoe_net.timing.judgement import Judgement, WatchdogJudgement
@@ -63,7 +63,7 @@ def timing(inputs: ReportInputs) -> ReportSection:
             key="timing",
             title=title,
             parts=(Paragraph((Text("No network could be read: nothing is judged."),)),),
-            points=(Point(PointKind.OPEN, "timing is not judged"),),
+            points=(open_point("timing is not judged"),),
         )
     points = _assumed(budget)
     parts: list[Part] = [_basis(budget), *measured_cycle(inputs)]
@@ -72,25 +72,21 @@ def timing(inputs: ReportInputs) -> ReportSection:
         parts += [Heading("Reaction times"), _reactions(budget)]
         for row in budget.functions:
             # Missing values make a reaction time unknown, not zero.
-            points += [
-                Point(PointKind.OPEN, f"{row.function.name}: {words}") for words in row.missing
-            ]
+            points += [open_point(f"{row.function.name}: {words}") for words in row.missing]
             # Values of the library are unverified until a person takes responsibility for them.
             if row.parts.unverified:
                 names = ", ".join(row.parts.unverified)
                 words = f"{row.function.name}: values without a responsible person: {names}"
-                points.append(Point(PointKind.OPEN, words))
+                points.append(open_point(words))
             if row.function.required_reaction_ms is None:
                 words = f"{row.function.name}: no required reaction time is stated"
-                points.append(Point(PointKind.OPEN, words))
+                points.append(open_point(words))
             parts += _pictures(budget, row)
     else:
         parts.append(
             Paragraph((Text("No safety function is stated: no reaction time is judged."),))
         )
-        points.append(
-            Point(PointKind.OPEN, "no safety_functions in the network file: nothing is judged")
-        )
+        points.append(open_point("no safety_functions in the network file: nothing is judged"))
     return ReportSection(key="timing", title=title, parts=tuple(parts), points=tuple(points))
 
 
@@ -113,18 +109,14 @@ def _assumed(budget: Budget) -> list[Point]:
         else "clocks of devices are exact"
     )
     return [
-        Point(
-            PointKind.ASSUMPTION,
+        assumption(
             f"a frame needs {counted(budget.copy_cycles, 'bus cycle')} per direction: true "
             f"for fsn-master, "
-            "which copies in the cycle of arrival; a program that copies a cycle later needs 3",
+            "which copies in the cycle of arrival; a program that copies a cycle later needs 3"
         ),
         *_across(budget),
-        Point(PointKind.ASSUMPTION, drift),
-        Point(
-            PointKind.ASSUMPTION,
-            "times of elements are the longest their sources state; none was measured here",
-        ),
+        assumption(drift),
+        assumption("times of elements are the longest their sources state; none was measured here"),
     ]
 
 
@@ -133,10 +125,9 @@ def _across(budget: Budget) -> list[Point]:
         return []
     cycles = ", ".join(f"{name} {ms:g} ms" for name, ms in budget.buses)
     return [
-        Point(
-            PointKind.ASSUMPTION,
+        assumption(
             f"several buses ({cycles}): a frame that crosses waits for one cycle of its own bus, "
-            "needs another, and waits for one of each bus that takes it over",
+            "needs another, and waits for one of each bus that takes it over"
         )
     ]
 

@@ -11,7 +11,7 @@ from fsoe_net.errors import InputError
 from fsoe_net.formats.shared.files import read_source
 from fsoe_net.formats.shared.limits import MAX_PASTED_BYTES
 from fsoe_net.model.network import SourceFile
-from fsoe_net.report.model import Point, PointKind
+from fsoe_net.report.model import Point, open_point
 
 PART_NAMES = (
     "installed files",
@@ -104,7 +104,7 @@ def self_test_parts(result: SelfTestResult) -> tuple[list[Part], list[Point]]:
     verdict = result.verdict
     points = []
     if verdict.level is not Level.CLEAR:
-        points.append(Point(PointKind.OPEN, f"self-test of the tool: {verdict.word}"))
+        points.append(open_point(f"self-test of the tool: {verdict.word}"))
     not_tried = ", ".join(result.named("not tried"))
     rows: list[tuple[Cell, Cell]] = [
         (cell("Result"), cell(verdict)),
