@@ -12,6 +12,7 @@ import enum
 from collections import defaultdict
 from dataclasses import field, replace
 from itertools import islice, product
+from typing import Any
 
 from fsoe_net.dataclass import dataclass
 from fsoe_net.model.bus import Located, SubDevice
@@ -88,34 +89,15 @@ _Couple = tuple[FramePair, FramePair]
 
 
 class _Refusal(Exception):
-    """Reason why a connection cannot be expanded."""
+    """Reason why a connection cannot be expanded: the values of its `NotExpanded`."""
 
-    def __init__(
-        self,
-        obstacle: Obstacle,
-        key: str = "main",
-        *,
-        pairs: tuple[FramePair, ...] = (),
-        partners: tuple[FramePair, ...] = (),
-        name: str = "",
-        other: Located | None = None,
-    ) -> None:
+    def __init__(self, obstacle: Obstacle, key: str = "main", **more: Any) -> None:
         super().__init__(obstacle.value)
-        self.obstacle, self.key, self.name, self.other = obstacle, key, name, other
-        self.pairs, self.partners = pairs, partners
+        self.values = {"obstacle": obstacle, "key": key, **more}
 
     def trouble(self, net: Net, facts: ConnectionFacts) -> NotExpanded:
         """Return the reason as a finding for this connection."""
-        return NotExpanded(
-            net=net,
-            facts=facts,
-            obstacle=self.obstacle,
-            key=self.key,
-            pairs=self.pairs,
-            partners=self.partners,
-            name=self.name,
-            other=self.other,
-        )
+        return NotExpanded(net=net, facts=facts, **self.values)
 
 
 @dataclass(slots=True, kw_only=True)

@@ -202,7 +202,7 @@ class _Links:
                 what = f"{name} is linked to {whom}, so this connection is left out"
                 self._add("FSN148", span, what, "link both ways of a message to one SubDevice")
                 continue
-            row = DescribedConnection(
+            ends = DescribedConnection(
                 span=span,
                 name=f"Message_{message.number}",
                 main=logic,
@@ -211,20 +211,13 @@ class _Links:
             )
             alias = None if self._safety is None else self._safety.aliases.get(message.number)
             if alias is None or not self._safety_is_of(logic):
-                yield row
+                yield ends
             # The MainInstance is elsewhere and this logic is its SubInstance: the roles change.
             elif alias.is_sub:
-                yield replace(row, main=other, sub=logic, slot=None, sub_slot=message.slot)
+                yield replace(ends, main=other, sub=logic, slot=None, sub_slot=message.slot)
             else:
-                yield replace(
-                    row,
-                    span=alias.span,
-                    fields=alias.fields,
-                    name=alias.name,
-                    address=alias.address,
-                    connection_id=alias.connection_id,
-                    watchdog_ms=alias.watchdog_ms,
-                )
+                stated = alias.connection or DescribedConnection(span=alias.span, name=alias.name)
+                yield replace(stated, main=logic, sub=other, slot=message.slot)
 
     def _safety_is_of(self, logic: int) -> bool:
         """Whether the safety project belongs to this logic, or to the only one with messages."""

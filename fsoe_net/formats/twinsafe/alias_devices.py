@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.diagnostic import Severity, Span
@@ -33,18 +34,14 @@ _ORDER = re.compile(r"\b([A-Z]{2,3}\d{3,4}(?:-\d{4})*)\b")
 class Alias:
     """An alias device: one FSoE connection, or signals of the standard program.
 
-    ``is_sub``: the logic is the SubInstance of this connection. ``is_safe`` is false for signals.
+    ``connection`` is ``None`` for signals. ``is_sub``: the logic is its SubInstance.
     """
 
     number: int
     name: str
     span: Span
-    fields: Mapping[str, Span]
-    is_safe: bool
+    connection: DescribedConnection | None = None
     is_sub: bool = False
-    address: int | None = None
-    connection_id: int | None = None
-    watchdog_ms: int | None = None
     module_ident: int | None = None
 
     @property
@@ -191,7 +188,7 @@ def read_alias(data: bytes, shown: str, out: Collector) -> Alias | None:
     name = shown_name(stem_of(shown))
     safe = root.first("SafetyAliasDevice")
     if safe is None:
-        return Alias(number=number, name=name, span=root.span, fields={}, is_safe=False)
+        return Alias(number=number, name=name, span=root.span)
     kind = safe.text_of("ConnectionType")
     if kind not in ("", "FSoE"):
         out.add(
@@ -200,7 +197,7 @@ def read_alias(data: bytes, shown: str, out: Collector) -> Alias | None:
             f"alias device {name[:60]!r} has a connection of type {kind[:40]!r}, which is not read",
             hint="only connections of FSoE are moved by this network",
         )
-        return Alias(number=number, name=name, span=root.span, fields={}, is_safe=False)
+        return Alias(number=number, name=name, span=root.span)
     values: dict[str, int | None] = {}
     for key in ("SafeAddress", "ConnectionId", "Watchdog"):
         if safe.first(key) is None:
@@ -213,9 +210,7 @@ def read_alias(data: bytes, shown: str, out: Collector) -> Alias | None:
         values[key] = xml_number(safe.first(key), out, high=0xFFFF)
     about = root.first("AliasDeviceType")
     ident = None if about is None else xml_number(about.first("SubType"), out)
-    return Alias(
-        number=number,
-        name=name,
+    connection = DescribedConnection(
         span=safe.span,
         # Uses the names of TwinCAT 2, under which findings look them up.
         fields={
@@ -227,11 +222,17 @@ def read_alias(data: bytes, shown: str, out: Collector) -> Alias | None:
             )
             if (child := safe.first(name)) is not None
         },
-        is_safe=True,
-        is_sub=safe.text_of("ConnectionMode").lower() == "slave",
+        name=name,
         address=values["SafeAddress"],
         connection_id=values["ConnectionId"],
         watchdog_ms=values["Watchdog"],
+    )
+    return Alias(
+        number=number,
+        name=name,
+        span=safe.span,
+        connection=connection,
+        is_sub=safe.text_of("ConnectionMode").lower() == "slave",
         module_ident=ident,
     )
 
@@ -253,8 +254,10 @@ def describe_project(project: SafetyProject) -> Description:
         ),
     )
     subs, connections = [logic], []
-    rows = [a for _, a in sorted(project.aliases.items()) if a.is_safe]
-    for alias in rows:
+    for _, alias in sorted(project.aliases.items()):
+        if alias.connection is None:
+            continue
+        number = len(subs)
         subs.append(
             DescribedSubDevice(
                 span=alias.span,
@@ -264,19 +267,8 @@ def describe_project(project: SafetyProject) -> Description:
                 module_ident=() if alias.module_ident is None else (alias.module_ident,),
             )
         )
-        number = len(subs) - 1
-        connections.append(
-            DescribedConnection(
-                span=alias.span,
-                fields=alias.fields,
-                name=alias.name,
-                main=number if alias.is_sub else 0,
-                sub=0 if alias.is_sub else number,
-                address=alias.address,
-                connection_id=alias.connection_id,
-                watchdog_ms=alias.watchdog_ms,
-            )
-        )
+        main, sub = (number, 0) if alias.is_sub else (0, number)
+        connections.append(replace(alias.connection, main=main, sub=sub))
     return Description(
         span=logic.span,
         format="twinsafe",

@@ -88,7 +88,7 @@ def _of_twincat_3(root: Element, data: bytes, shown: str, out: Collector) -> Saf
     """Return the project that a file of TwinCAT 3 belongs to; ``None`` for files of TwinCAT 2."""
     if root.name == "SafetyDeviceDesc":
         alias = read_alias(data, shown, out)
-        found = {} if alias is None or not alias.is_safe else {alias.number: alias}
+        found = {} if alias is None or alias.connection is None else {alias.number: alias}
         project = SafetyProject(path=shown, aliases=found)
     elif root.name == "safetyApplication" and os.path.isfile(shown):
         project = read_group(shown, out)
@@ -102,7 +102,7 @@ def _of_twincat_3(root: Element, data: bytes, shown: str, out: Collector) -> Saf
         project = read_project_folder(os.path.dirname(shown) or ".", shown, out)
     else:
         return None
-    if not any(a.is_safe for a in project.aliases.values()):
+    if not any(a.connection for a in project.aliases.values()):
         out.add(
             "FSN140",
             root.span,
