@@ -187,6 +187,14 @@ class DeviceLayout:
         return tuple(block for sm in self.managers for block in sm.blocks)
 
     @cached_property
+    def partner_frames(self) -> Mapping[tuple[int, int], FsoeBlock]:
+        """The frame of the other direction of the same connection, by `FsoeBlock.key`."""
+        blocks = {block.key: block for block in self.blocks}
+        return {
+            one: blocks[two] for pair in self.partners.items() for one, two in (pair, pair[::-1])
+        }
+
+    @cached_property
     def by_address(self) -> Mapping[tuple[int, int], tuple[EntryPlace, ...]]:
         """Places of each entry by index and subindex: the first place in each direction.
 

@@ -41,6 +41,13 @@ class ResolvedEnd:
         return None if self.subdevice is None else self.subdevice.layout
 
     @property
+    def partner(self) -> FsoeBlock | None:
+        """The frame of the other direction of the same connection, if the device has it."""
+        if self.block is None or self.layout is None:
+            return None
+        return self.layout.partner_frames.get(self.block.key)
+
+    @property
     def byte_offset(self) -> int:
         """Byte in the sync manager where the copy starts (bits are dropped, as in memcpy)."""
         return self.placed.bit_offset // 8 if self.placed is not None else 0

@@ -29,11 +29,6 @@ _STYLE = (
 )
 
 
-def _histograms(statistics: Statistics) -> list[tuple[str, Histogram]]:
-    """Return the histograms by name, in a fixed order."""
-    return list(statistics.histograms.items())
-
-
 def timing_csv(statistics: Statistics) -> str:
     """Return a row for every non-empty bucket.
 
@@ -43,7 +38,7 @@ def timing_csv(statistics: Statistics) -> str:
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(["histogram", "floor_ns", "count", "cumulative_share"])
-    for name, histogram in _histograms(statistics):
+    for name, histogram in statistics.histograms.items():
         total = sum(count for _, count in histogram.buckets)
         below = 0
         for floor_ns, count in histogram.buckets:
@@ -54,7 +49,7 @@ def timing_csv(statistics: Statistics) -> str:
 
 def times_table(statistics: Statistics) -> Table:
     """Return percentiles, a row per non-empty histogram."""
-    return percentiles_table(_histograms(statistics))
+    return percentiles_table(statistics.histograms.items())
 
 
 def percentiles_table(histograms: Iterable[tuple[str, Histogram]]) -> Table:
@@ -100,20 +95,13 @@ def timing_bars(histogram: Histogram, *, width: int = 40) -> list[str]:
         share = math.log(count + 1) / math.log(most + 1)
         eighths = max(1, round(8 * width * share)) if count else 0
         bar = "█" * (eighths // 8) + " ▏▎▍▌▋▊▉"[eighths % 8].strip()
-        lines.append(f"{_time_text(1 << octave):>8} {bar.ljust(width)} {count}".rstrip())
+        lines.append(f"{_time(1 << octave, 3):>8} {bar.ljust(width)} {count}".rstrip())
     return lines
-
-
-def _time_text(ns: int) -> str:
-    for unit, size in (("s", 1_000_000_000), ("ms", 1_000_000), ("us", 1_000)):
-        if ns >= size:
-            return f"{ns / size:.3g} {unit}"
-    return f"{ns} ns"
 
 
 def timing_picture(statistics: Statistics, title: str) -> str:
     """Draw the non-empty histograms over logarithmic time; light and dark, no script."""
-    shown = [(name, h) for name, h in _histograms(statistics) if h.buckets]
+    shown = [(name, h) for name, h in statistics.histograms.items() if h.buckets]
     height = 44 + _PANEL * max(1, len(shown))
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDTH} {height}" role="img" '
@@ -192,8 +180,8 @@ def _panel(name: str, histogram: Histogram, top: float) -> str:
     return "<g>" + "".join(parts) + "</g>"
 
 
-def _time(ns: int) -> str:
+def _time(ns: int, digits: int = 4) -> str:
     for unit, size in (("s", 10**9), ("ms", 10**6), ("us", 10**3)):
         if ns >= size:
-            return f"{ns / size:.4g} {unit}"
+            return f"{ns / size:.{digits}g} {unit}"
     return f"{ns} ns"

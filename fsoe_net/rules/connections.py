@@ -9,7 +9,7 @@ from fsoe_net.model.layout import FramePair
 from fsoe_net.model.network import Net, Transfer
 from fsoe_net.rules.context import Context, few
 from fsoe_net.rules.runtime import ROS2, Runtime
-from fsoe_net.rules.transfer_ends import is_main_device
+from fsoe_net.rules.transfer_ends import add_main_device, add_two_masters, is_main_device
 
 
 def check_connections(ctx: Context) -> None:
@@ -81,14 +81,7 @@ def _say(ctx: Context, trouble: NotExpanded) -> None:
 def _module(ctx: Context, trouble: NotExpanded) -> None:
     span = trouble.facts.at(trouble.key)
     if trouble.key == "main" and is_main_device(trouble.name):
-        ctx.add(
-            "FSN226",
-            span,
-            f"{trouble.name!r} means the MainDevice itself: an FSoE MainInstance on the MainDevice "
-            "(centralized topology) needs certified software on certified hardware, which this "
-            "PC is not",
-            hint="name the safety terminal on the bus (for example EL6910, EL1918) that holds it",
-        )
+        add_main_device(ctx, span, trouble.name)
         return
     if any(d.code == "FSN134" for d in ctx.diagnostics):
         return  # a duplicate name is a missing name elsewhere
@@ -129,13 +122,7 @@ def _main(ctx: Context, trouble: NotExpanded) -> None:
 def _masters(ctx: Context, trouble: NotExpanded) -> None:
     by_name = {s.name: s for s in reversed(ctx.resolution.network.subdevices)}
     main, sub = by_name[trouble.facts.main], by_name[trouble.facts.sub]
-    ctx.add(
-        "FSN129",
-        trouble.facts.span,
-        f"{main.name} is on master {main.master_id}, {sub.name} on master {sub.master_id}; a copy "
-        "moves bytes inside one process image",
-        hint="put both SubDevices on one master",
-    )
+    add_two_masters(ctx, trouble.facts.span, main, sub)
 
 
 def _no_slot(ctx: Context, trouble: NotExpanded) -> None:

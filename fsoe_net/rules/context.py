@@ -8,7 +8,8 @@ from dataclasses import field
 from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.diagnostic import FindingList
 from fsoe_net.diag.guesses import Guesses, one_of
-from fsoe_net.model.bus import Device, SubDevice
+from fsoe_net.diag.words import listed
+from fsoe_net.model.bus import Device, Direction, SubDevice
 from fsoe_net.model.layout import FsoeBlock, SmLayout
 from fsoe_net.model.network import TransferKind
 from fsoe_net.model.resolve import Resolution
@@ -87,6 +88,21 @@ class Context(FindingList):
             }
         return self._used
 
+    def free_frames(
+        self, end: ResolvedEnd, direction: Direction, size: int | None = None
+    ) -> list[FsoeBlock]:
+        """Return the frames of a SubDevice, of this length if given, that no transfer uses."""
+        if end.layout is None or end.subdevice is None:
+            return []
+        name, used = end.subdevice.name, self.used_blocks()
+        return [
+            block
+            for block in end.layout.blocks
+            if block.direction is direction
+            and size in (None, block.frame_bytes)
+            and (name, block.key) not in used
+        ]
+
     def blame(self, row: ResolvedTransfer) -> None:
         """Record that the two modules of a transfer already have their own error."""
         self.blamed_pairs.add(module_pair(row))
@@ -140,8 +156,7 @@ def touched_bytes(end: ResolvedEnd, size_bytes: int) -> tuple[int, int]:
 
 def few(names: list[str], limit: int = 6) -> str:
     """Return the first names of a list, and the number of further ones."""
-    more = len(names) - limit
-    return ", ".join(names[:limit]) + (f" and {more} more" if more > 0 else "")
+    return listed(names, limit)
 
 
 def block_text(module: str, block: FsoeBlock) -> str:

@@ -96,12 +96,13 @@ def _start(ctx: Context, row: ResolvedTransfer, end: ResolvedEnd) -> bool:
 def _unrecognised(ctx: Context, row: ResolvedTransfer, end: ResolvedEnd, sm: SmLayout) -> bool:
     """Handle an end without a recognised frame: is it a mistake or only unusual?"""
     endpoint, size = end.endpoint, row.transfer.size_bytes
-    blocks = _blocks_of(end, sm.sm.direction)
+    frames = end.layout.blocks if end.layout is not None else ()
+    has_frames = any(b.direction is sm.sm.direction for b in frames)
     # A frame that no transfer uses is the most probable intention.
-    free = [b for b in blocks if not _is_used(ctx, end, b)]
+    free = ctx.free_frames(end, sm.sm.direction)
     intruder = _intruder(end, sm, size)
     # A command is one byte: any other entry cannot start a frame.
-    if end.placed is not None and (end.placed.entry.bits != 8 or (blocks and intruder is None)):
+    if end.placed is not None and (end.placed.entry.bits != 8 or (has_frames and intruder is None)):
         better = min(free, key=lambda b: b.frame_bytes != size) if free else None
         ctx.add(
             "FSN211",
@@ -129,17 +130,6 @@ def _unrecognised(ctx: Context, row: ResolvedTransfer, end: ResolvedEnd, sm: SmL
         hint="map the entries of the frame one by one to have them checked",
     )
     return True
-
-
-def _is_used(ctx: Context, end: ResolvedEnd, block: FsoeBlock) -> bool:
-    """Whether another transfer uses this frame of the same SubDevice."""
-    return end.subdevice is not None and (end.subdevice.name, block.key) in ctx.used_blocks()
-
-
-def _blocks_of(end: ResolvedEnd, direction: Direction) -> list[FsoeBlock]:
-    if end.layout is None:
-        return []
-    return [b for sm in end.layout.managers for b in sm.blocks if b.direction is direction]
 
 
 def _intruder(end: ResolvedEnd, sm: SmLayout, size: int) -> str | None:
@@ -214,11 +204,7 @@ def _sizes(ctx: Context, row: ResolvedTransfer) -> None:
 
 def _matching_block(ctx: Context, row: ResolvedTransfer, source: FsoeBlock) -> str:
     """Return a free slot of the receiver with the right length, if there is exactly one."""
-    fits = [
-        b
-        for b in _blocks_of(row.destination, Direction.OUTPUT)
-        if b.frame_bytes == source.frame_bytes and not _is_used(ctx, row.destination, b)
-    ]
+    fits = ctx.free_frames(row.destination, Direction.OUTPUT, source.frame_bytes)
     if len(fits) != 1:
         return ""
     return (

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from fsoe_net.diag.diagnostic import Related
 from fsoe_net.diag.words import counted
@@ -20,26 +20,21 @@ _MAX_APP_PARAMETER_BYTES = 256
 
 def check_fsoe(ctx: Context) -> None:
     """Check addresses, connection IDs, parameters and watchdog times."""
-    stated = [(net, c) for net in ctx.resolution.network.nets for c in net.connections]
-    _unique(ctx, stated, "FSN301", "address", "FSoE address", lambda c: c.address)
-    _unique(ctx, stated, "FSN302", "connection_id", "connection ID", lambda c: c.connection_id)
-    for _, fact in stated:
+    stated = [fact for net in ctx.resolution.network.nets for fact in net.connections]
+    _unique(ctx, stated, "FSN301", "address", "FSoE address")
+    _unique(ctx, stated, "FSN302", "connection_id", "connection ID")
+    for fact in stated:
         _values(ctx, fact)
     _timing(ctx)
 
 
 def _unique(
-    ctx: Context,
-    stated: list[tuple[Net, ConnectionFacts]],
-    code: str,
-    key: str,
-    what: str,
-    value_of: Callable[[ConnectionFacts], int | None],
+    ctx: Context, stated: Sequence[ConnectionFacts], code: str, key: str, what: str
 ) -> None:
     seen: dict[int, ConnectionFacts] = {}
     # The first use is kept, so that a duplicate can refer to it.
-    for _, fact in stated:
-        value = value_of(fact)
+    for fact in stated:
+        value: int | None = getattr(fact, key)
         if value is None:
             continue
         first = seen.setdefault(value, fact)

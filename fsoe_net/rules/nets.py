@@ -8,10 +8,9 @@ from fsoe_net.diag.diagnostic import Related
 from fsoe_net.diag.guesses import Guesses, guesses, one_of
 from fsoe_net.diag.words import counted
 from fsoe_net.model.bus import Direction, SubDevice
-from fsoe_net.model.layout import FsoeBlock
 from fsoe_net.model.network import ConnectionFacts, Net, TransferKind
 from fsoe_net.model.resolve import Connection, main_instance_of, partner_block, shared_modules
-from fsoe_net.model.transfer_ends import ResolvedEnd, ResolvedTransfer
+from fsoe_net.model.transfer_ends import ResolvedTransfer
 from fsoe_net.rules.context import (
     Context,
     block_text,
@@ -19,7 +18,7 @@ from fsoe_net.rules.context import (
     module_pair,
     touched_bytes,
 )
-from fsoe_net.rules.transfer_ends import is_main_device
+from fsoe_net.rules.transfer_ends import add_main_device, is_main_device
 
 
 def check_nets(ctx: Context) -> None:
@@ -92,16 +91,10 @@ def _overlap(ctx: Context, one: ResolvedTransfer, two: ResolvedTransfer, count: 
 
 def _other_slot(ctx: Context, row: ResolvedTransfer) -> str:
     """Return an unused slot of the receiver with the required size."""
-    used = ctx.used_blocks()
     end, source = row.destination, row.source.block
-    if end.layout is None or end.subdevice is None:
-        return "let each transfer write a place of its own"
-    for sm in end.layout.managers:
-        for block in sm.blocks:
-            fits = source is None or block.frame_bytes == source.frame_bytes
-            free = (end.subdevice.name, block.key) not in used
-            if block.direction is Direction.OUTPUT and fits and free:
-                return f"{block_text(end.endpoint.module, block)} is free and has the right size"
+    size = None if source is None else source.frame_bytes
+    for block in ctx.free_frames(end, Direction.OUTPUT, size):
+        return f"{block_text(end.endpoint.module, block)} is free and has the right size"
     return "let each transfer write a place of its own"
 
 
@@ -193,14 +186,7 @@ def _unknown_master(ctx: Context, number: int, net: Net, rows: list[ResolvedTran
     span = net.at("transfer_master" if "transfer_master" in net.fields else "safety_master")
     # FSoE ends need certified hardware; the PC that runs the bus is not an FSoE end.
     if is_main_device(stated):
-        ctx.add(
-            "FSN226",
-            span,
-            f"{stated!r} means the MainDevice itself: an FSoE MainInstance on the MainDevice "
-            "(centralized topology) needs certified software on certified hardware, which this "
-            "PC is not",
-            hint="name the safety terminal on the bus (for example EL6910, EL1918) that holds it",
-        )
+        add_main_device(ctx, span, stated)
         return
     # In a partial network the file with this module is missing.
     if ctx.resolution.network.partial and (stated in used or not ctx.names):
@@ -232,8 +218,7 @@ def _missing_direction(ctx: Context, row: ResolvedTransfer) -> None:
 
 def _mend_missing(row: ResolvedTransfer) -> str:
     """Return the missing transfer as text, if both devices have the partner frames."""
-    back_in = _input_partner(row.destination)
-    back_out = _output_partner(row.source)
+    back_in, back_out = row.destination.partner, row.source.partner
     if back_in is None or back_out is None:
         return "add the opposite transfer, or mark ordinary data with kind: standard"
     if back_in.frame_bytes != back_out.frame_bytes:
@@ -248,23 +233,6 @@ def _mend_missing(row: ResolvedTransfer) -> str:
     )
 
 
-def _find(end: ResolvedEnd, key: tuple[int, int] | None) -> FsoeBlock | None:
-    if end.layout is None or key is None:
-        return None
-    return next((b for sm in end.layout.managers for b in sm.blocks if b.key == key), None)
-
-
-def _input_partner(end: ResolvedEnd) -> FsoeBlock | None:
-    return _find(end, partner_block(end))
-
-
-def _output_partner(end: ResolvedEnd) -> FsoeBlock | None:
-    block = end.block
-    if block is None or end.layout is None:
-        return None
-    return _find(end, next((o for o, i in end.layout.partners.items() if i == block.key), None))
-
-
 def _crossed(ctx: Context, connection: Connection) -> None:
     down, up = connection.to_sub, connection.to_main
     # A reported pair is not reported again.
@@ -275,7 +243,7 @@ def _crossed(ctx: Context, connection: Connection) -> None:
         # Without a known partner, the slot cannot be judged.
         if sends is None or key is None or key == sends.key:
             continue
-        wanted = _input_partner(out_row.destination)
+        wanted = out_row.destination.partner
         if wanted is None:
             continue
         module = in_row.transfer.source.module

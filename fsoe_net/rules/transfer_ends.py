@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from fsoe_net.diag.diagnostic import Edit, Fix, Related, Severity
+from fsoe_net.diag.diagnostic import Edit, Fix, Related, Severity, Span
 from fsoe_net.diag.guesses import one_of
 from fsoe_net.diag.words import counted
-from fsoe_net.model.bus import Direction
+from fsoe_net.model.bus import Direction, SubDevice
 from fsoe_net.model.layout import Placed, SmLayout
 from fsoe_net.model.network import TransferKind
 from fsoe_net.model.transfer_ends import Miss, ResolvedEnd, ResolvedTransfer
@@ -164,15 +164,7 @@ def _start_at(
     ctx: Context, end: ResolvedEnd, sm: SmLayout, placed: Placed, row: ResolvedTransfer
 ) -> tuple[Edit, ...]:
     """Return the edits that let an end start at a frame, if it can refer to no other frame."""
-    name = end.subdevice.name if end.subdevice is not None else ""
-    free = [
-        block
-        for manager in (end.layout.managers if end.layout is not None else ())
-        if manager.sm.direction is sm.sm.direction
-        for block in manager.blocks
-        if block.frame_bytes == row.transfer.size_bytes
-        and (name, block.key) not in ctx.used_blocks()
-    ]
+    free = ctx.free_frames(end, sm.sm.direction, row.transfer.size_bytes)
     # `--fix` applies these edits: with two unused frames of this size, either could be meant.
     if len(free) != 1 or free[0].command is not placed.entry:
         return ()
@@ -305,25 +297,10 @@ def _mend_direction(row: ResolvedTransfer, reads_output: bool, writes_input: boo
             edits=edits,
         )
     wrong = source if reads_output else destination
-    partner = _partner_address(wrong)
-    if partner is None:
+    if wrong.partner is None:
         return Fix(hint="in must be an entry of a TxPDO, out an entry of an RxPDO")
     key = "in" if reads_output else "out"
-    return Fix(hint=f"write {partner} as {key}")
-
-
-def _partner_address(end: ResolvedEnd) -> str | None:
-    """Return the command of the opposite frame of the same connection on this device."""
-    block = end.block
-    if block is None or end.layout is None:
-        return None
-    partners = end.layout.partners
-    key = partners.get(block.key) or next((o for o, i in partners.items() if i == block.key), None)
-    for sm in end.layout.managers:
-        for candidate in sm.blocks:
-            if candidate.key == key:
-                return block_text(end.endpoint.module, candidate)
-    return None
+    return Fix(hint=f"write {block_text(wrong.endpoint.module, wrong.partner)} as {key}")
 
 
 def _alignment(ctx: Context, end: ResolvedEnd) -> None:
@@ -341,12 +318,28 @@ def _masters(ctx: Context, row: ResolvedTransfer) -> None:
     source, destination = row.source.subdevice, row.destination.subdevice
     if source is None or destination is None:
         return
-    if ctx.resolution.network.has_way(source, destination):
-        return
+    if not ctx.resolution.network.has_way(source, destination):
+        add_two_masters(ctx, row.transfer.span, source, destination)
+
+
+def add_two_masters(ctx: Context, span: Span, one: SubDevice, two: SubDevice) -> None:
+    """Add FSN129 for two SubDevices between which nothing can be copied."""
     ctx.add(
         "FSN129",
-        row.transfer.span,
-        f"{source.name} is on master {source.master_id}, {destination.name} on master "
-        f"{destination.master_id}; a copy moves bytes inside one process image",
+        span,
+        f"{one.name} is on master {one.master_id}, {two.name} on master {two.master_id}; a copy "
+        "moves bytes inside one process image",
         hint="put both SubDevices on one master",
+    )
+
+
+def add_main_device(ctx: Context, span: Span, name: str) -> None:
+    """Add FSN226 for a MainInstance that would be on the MainDevice."""
+    ctx.add(
+        "FSN226",
+        span,
+        f"{name!r} means the MainDevice itself: an FSoE MainInstance on the MainDevice "
+        "(centralized topology) needs certified software on certified hardware, which this "
+        "PC is not",
+        hint="name the safety terminal on the bus (for example EL6910, EL1918) that holds it",
     )
