@@ -15,6 +15,12 @@ if TYPE_CHECKING:
     from fsoe_net.model.layout import DeviceLayout
 
 
+WATCHDOG_BIT = 0x40
+"""Of the control byte of a sync manager."""
+SDO_BYTES = (1, 2, 4, 8)
+"""Lengths of a start-up SDO."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Located:
     """Base of everything read from a file: its place, and the place of each of its keys."""
@@ -40,6 +46,11 @@ class Watchdog(enum.Enum):
     DEFAULT = "default"
     ENABLE = "enable"
     DISABLE = "disable"
+
+    @classmethod
+    def of(cls, control: int) -> Watchdog:
+        """Return the watchdog by the control byte of a sync manager (ETG.1000.4)."""
+        return cls.ENABLE if control & WATCHDOG_BIT else cls.DISABLE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -152,12 +163,23 @@ class SyncManager(Located):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sdo(Located):
-    """One start-up SDO: ``size_bytes`` is 1, 2, 4 or 8; ``value`` may be negative."""
+    """One start-up SDO: ``size_bytes`` is one of `SDO_BYTES`; ``value`` may be negative."""
 
     index: int
     subindex: int
     size_bytes: int
     value: int
+
+    @classmethod
+    def of(cls, index: int, subindex: int, data: bytes, span: Span) -> Sdo:
+        """Return the SDO that writes these bytes."""
+        value = int.from_bytes(data, "little")
+        return cls(span=span, index=index, subindex=subindex, size_bytes=len(data), value=value)
+
+    @property
+    def raw(self) -> int:
+        """The value in two's complement, as it is sent."""
+        return self.value & ((1 << 8 * self.size_bytes) - 1)
 
 
 @dataclass(frozen=True, kw_only=True)  # no slots, as `layout` is cached
@@ -176,6 +198,11 @@ class Device(Located):
     tpdos: tuple[Pdo, ...] = ()
     sdos: tuple[Sdo, ...] = ()
     driver: str = ""
+
+    @property
+    def identity(self) -> tuple[int, int]:
+        """Vendor ID and product code."""
+        return self.vendor_id, self.product_code
 
     def pdos_of(self, sm: SyncManager) -> tuple[Pdo, ...]:
         """Return the PDOs that a sync manager carries, in assignment order."""

@@ -41,14 +41,12 @@ def _compare(
     ctx: Context, sdos: Mapping[int, Sdo], owner: tuple[str, Located], values: Sequence[int]
 ) -> None:
     for subindex, sdo in sorted(sdos.items()):
-        # A value of many bytes is negative for a signed type.
-        raw = sdo.value & ((1 << 8 * sdo.size_bytes) - 1)
-        if subindex < len(values) and raw != values[subindex]:
+        if subindex < len(values) and sdo.raw != values[subindex]:
             name, place = owner
             ctx.add(
                 "FSN489",
                 sdo.at("value"),
-                f"0x{sdo.index:04x}:{subindex:02x} gets 0x{raw:x}, {name} has "
+                f"0x{sdo.index:04x}:{subindex:02x} gets 0x{sdo.raw:x}, {name} has "
                 f"0x{values[subindex]:x} there: only one of both can take effect",
                 hint=f"delete the start-up SDOs of 0x{sdo.index:04x}, or correct {name}",
                 related=(Related(span=place.span, message=name),),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Iterable
 from dataclasses import field
 
@@ -14,9 +13,7 @@ from fsoe_net.formats.sii.read import SiiImage, describe_sii, read_sii_categorie
 from fsoe_net.model.bus import Device, Direction, Entry, Pdo, Sdo, SyncManager, Watchdog
 from fsoe_net.model.description import DescribedSubDevice
 
-_WATCHDOG = 0x40
 _IDENTITY = {"vendor": (0x8, 1), "product": (0xA, 2), "revision": (0xC, 3), "serial": (0xE, 4)}
-_FORMATS = {1: "<B", 2: "<H", 4: "<I", 8: "<Q"}
 
 
 @dataclass(slots=True)
@@ -172,7 +169,7 @@ def _watchdog(row: Manager | None, direction: Direction) -> Watchdog:
     # Only writes of the MainDevice trigger the watchdog, so inputs have none.
     if row is None or row.control is None or direction is not Direction.OUTPUT:
         return Watchdog.DEFAULT
-    return Watchdog.ENABLE if row.control & _WATCHDOG else Watchdog.DISABLE
+    return Watchdog.of(row.control)
 
 
 def _start(row: Manager | None, sii: SyncManager | None) -> int | None:
@@ -302,12 +299,6 @@ def _offered(read: _Read, from_sii: DescribedSubDevice, image: SiiImage) -> tupl
 
 def _sdos(read: _Read) -> tuple[Sdo, ...]:
     return tuple(
-        Sdo(
-            index=index,
-            subindex=subindex,
-            size_bytes=len(data),
-            value=int(struct.unpack(_FORMATS[len(data)], data)[0]),
-            span=Span(read.path, packet, 1),
-        )
+        Sdo.of(index, subindex, data, Span(read.path, packet, 1))
         for (index, subindex), (data, packet) in read.station.downloads.items()
     )

@@ -7,7 +7,7 @@ from dataclasses import field
 from fsoe_net.dataclass import dataclass
 from fsoe_net.formats.capture.sdo import CapturedSdo, SdoAbort, SdoFollower
 from fsoe_net.formats.capture.sii import SII_REGISTERS, SiiReads
-from fsoe_net.model.bus import Direction
+from fsoe_net.model.bus import SDO_BYTES, Direction
 
 FMMUS, MANAGERS = range(0x0600, 0x0700), range(0x0800, 0x0880)
 MAPPINGS = (range(0x1600, 0x1800), range(0x1A00, 0x1C00))
@@ -18,7 +18,6 @@ _OPERATIONAL = 8
 _ASSIGNMENTS = range(0x1C10, 0x1C30)
 _PROCESS_DATA = range(2, 16)  # sync managers that assignment objects can refer to
 _IDENTITY, _NAME, _MODULES = 0x1018, 0x1008, (0xF030, 0xF050)
-_PLAIN_BYTES = (1, 2, 4, 8)
 _MOST_BYTES = 64  # of a value that is stored
 _MOST_SDOS = 4096
 _MOST_ABORTS = 64
@@ -157,7 +156,7 @@ class Station:
     def _download(self, value: CapturedSdo, packet: int) -> None:
         if self._asked_state is None or self._asked_state >= _OPERATIONAL:
             self.late += 1
-        elif value.complete or len(value.data) not in _PLAIN_BYTES:
+        elif value.complete or len(value.data) not in SDO_BYTES:
             self.odd += 1
         elif len(self.downloads) < _MOST_SDOS:
             self.downloads.pop((value.index, value.subindex), None)

@@ -12,7 +12,16 @@ from fsoe_net.formats.eni.read_parts import Fmmu, Window, read_windows
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.source import xml_number
 from fsoe_net.formats.shared.xml_tree import Element
-from fsoe_net.model.bus import Device, Direction, Entry, Pdo, Sdo, SyncManager, Watchdog
+from fsoe_net.model.bus import (
+    SDO_BYTES,
+    Device,
+    Direction,
+    Entry,
+    Pdo,
+    Sdo,
+    SyncManager,
+    Watchdog,
+)
 from fsoe_net.model.description import (
     ClockFacts,
     DescribedSubDevice,
@@ -26,13 +35,11 @@ _FMMU_REGISTERS = range(0x0600, 0x0700)
 _DC_ACTIVATION = 0x0980
 _SM_REGISTERS = range(0x0800, 0x0900)  # an FMMU that maps these carries mailbox states
 _TYPES = {"outputs": Direction.OUTPUT, "inputs": Direction.INPUT}
-_WATCHDOG_BIT = 0x40
 _PROTOCOLS = ("AoE", "EoE", "CoE", "FoE", "SoE", "VoE")
 _WRITES = (2, 5)  # APWR, FPWR
 _DOWNLOADS = (1, 2)
 _ASSIGNED = range(0x1C10, 0x1C30)
 _ASSIGNMENT = (range(0x1600, 0x1800), range(0x1A00, 0x1C00), _ASSIGNED)
-_FORMATS = {1: "<B", 2: "<H", 4: "<I", 8: "<Q"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -289,14 +296,11 @@ def _manager(
     if empty:
         notes.append(f"Sm{number}: {_names(empty)} has no entries and takes no room")
     control = xml_number(sm.first("ControlByte"), out, high=0xFF)
-    watchdog = Watchdog.DEFAULT
-    if control is not None:
-        watchdog = Watchdog.ENABLE if control & _WATCHDOG_BIT else Watchdog.DISABLE
     return SyncManager(
         span=sm.span,
         index=number,
         direction=direction,
-        watchdog=watchdog,
+        watchdog=Watchdog.DEFAULT if control is None else Watchdog.of(control),
         pdos=tuple(p for p in pdos if p.entries),
         start_byte=xml_number(sm.first("StartAddress"), out, high=0xFFFF),
     )
@@ -381,18 +385,10 @@ def _sdos(
             assigning += 1
             # Complete access begins at subindex 0 but also writes the entries.
             objects.add((index, max(subindex, int(_is_complete(cmd)))))
-        elif len(data) not in _FORMATS or _is_complete(cmd):
+        elif len(data) not in SDO_BYTES or _is_complete(cmd):
             other += 1
         else:
-            sdos.append(
-                Sdo(
-                    span=cmd.span,
-                    index=index,
-                    subindex=subindex,
-                    size_bytes=len(data),
-                    value=int(struct.unpack(_FORMATS[len(data)], data)[0]),
-                )
-            )
+            sdos.append(Sdo.of(index, subindex, data, cmd.span))
     if assigning:
         what = counted(assigning, "start-up SDO")
         notes.append(f"{what} left out that assign PDOs: the lists say it")

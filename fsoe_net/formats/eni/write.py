@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
+from fsoe_net.diag.words import listed
 from fsoe_net.errors import InputError
 from fsoe_net.formats.eni.write_commands import BRD, BWR, plain_text, register
 from fsoe_net.formats.eni.write_layout import EniLayout, Piece, WrittenCommand, lay_out
@@ -184,8 +185,7 @@ def _typed(sub: DescribedSubDevice) -> int | None:
 
 
 def _names(subs: list[DescribedSubDevice]) -> str:
-    names = [s.name or f"position {s.position}" for s in subs]
-    return ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
+    return listed([s.name or f"position {s.position}" for s in subs], 4)
 
 
 def _command(command: WrittenCommand, copies: list[tuple[int, int, int]]) -> Iterator[str]:

@@ -73,9 +73,7 @@ def al_state(transition: str, station: int) -> Iterator[str]:
 
 def download(sdo: Sdo, comment: str = "") -> str:
     """Return a start-up SDO."""
-    # Negative values are sent in two's complement.
-    value = sdo.value & ((1 << 8 * sdo.size_bytes) - 1)
-    data = value.to_bytes(sdo.size_bytes, "little").hex()
+    data = sdo.raw.to_bytes(sdo.size_bytes, "little").hex()
     said = f"<Comment>{comment}</Comment>" if comment else ""
     return (
         f"<InitCmd><Transition>PS</Transition>{said}<Timeout>3000</Timeout><Ccs>1</Ccs>"

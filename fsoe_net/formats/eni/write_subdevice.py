@@ -16,14 +16,13 @@ from fsoe_net.formats.eni.write_commands import (
     register,
 )
 from fsoe_net.formats.eni.write_layout import Piece
-from fsoe_net.model.bus import Direction, Pdo, SyncManager, Watchdog
+from fsoe_net.model.bus import WATCHDOG_BIT, Direction, Pdo, SyncManager, Watchdog
 from fsoe_net.model.description import DescribedSubDevice, StartFacts
 
 # Station address of position 0, as in ENIs of TwinCAT.
 _FIRST_ADDRESS = 1001
 # Control byte (ETG.1000.4): bit 2 is written by the MainDevice, bit 5 signals the application.
 _CONTROL = {Direction.OUTPUT: 0x24, Direction.INPUT: 0x20}
-_WATCHDOG_BIT = 0x40
 # The same, but bits 0 and 1 are 2: one buffer with handshake instead of three.
 _MAILBOX_CONTROL = (0x26, 0x22)
 _POLL_MS = 20
@@ -86,8 +85,8 @@ def _control(sm: SyncManager, start: StartFacts) -> int | None:
     control = start.controls.get(sm.index)
     if sm.watchdog is Watchdog.DEFAULT:
         return control
-    control = (_CONTROL[sm.direction] if control is None else control) & ~_WATCHDOG_BIT
-    return control | (_WATCHDOG_BIT if sm.watchdog is Watchdog.ENABLE else 0)
+    control = (_CONTROL[sm.direction] if control is None else control) & ~WATCHDOG_BIT
+    return control | (WATCHDOG_BIT if sm.watchdog is Watchdog.ENABLE else 0)
 
 
 def _station(position: int) -> int:

@@ -7,14 +7,13 @@ from fsoe_net.diag.diagnostic import Severity, Span
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.source import esi_number
 from fsoe_net.formats.shared.xml_tree import Element
-from fsoe_net.model.bus import Direction, Entry, Pdo, Sdo
+from fsoe_net.model.bus import SDO_BYTES, Direction, Entry, Pdo, Sdo
 from fsoe_net.model.description import OfferedPdo
 
 MAX_PDO_BITS = 8 * 65536
 MAX_SLOTS = 4096
 _MAX_FINDINGS = 50  # of one device; a systematic error is clear by then
 _ENGLISH = "1033"
-_SDO_SIZES = (1, 2, 4, 8)
 _OTHER = {Direction.OUTPUT: "RxPdo", Direction.INPUT: "TxPdo"}
 
 
@@ -212,15 +211,8 @@ class PartReader:
             message = f"data {text[:40]!r} of a start-up SDO are not hex digits"
             self._wrong("FSN111", element.span, message, "write each byte as two hex digits")
             return None
-        if len(data) in _SDO_SIZES and not flag(element, "CompleteAccess"):
-            value = int.from_bytes(data, "little")
-            return Sdo(
-                index=index,
-                subindex=subindex,
-                size_bytes=len(data),
-                value=value,
-                span=element.span,
-            )
+        if len(data) in SDO_BYTES and not flag(element, "CompleteAccess"):
+            return Sdo.of(index, subindex, data, element.span)
         how = "with complete access" if flag(element, "CompleteAccess") else f"of {len(data)} bytes"
         self.notes.append(f"start-up SDO 0x{index:04x}:{subindex:02x} {how} is left out")
         return None

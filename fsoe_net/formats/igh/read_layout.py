@@ -11,7 +11,7 @@ from dataclasses import field
 from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.formats.shared.terminal_text import Line, Pasted, PrintedManager
-from fsoe_net.model.bus import Device, Direction, Entry, Sdo, Watchdog
+from fsoe_net.model.bus import SDO_BYTES, Device, Direction, Entry, Sdo, Watchdog
 from fsoe_net.model.description import DescribedSubDevice, Description, TypeFacts
 
 HEADER = re.compile(r"=== Master (\d{1,3}), Slave (\d{1,5}) ===$")
@@ -111,7 +111,7 @@ def _manager(match: re.Match[str], span: Span) -> _Manager:
         span=span,
         index=int(match[1]),
         direction=Direction.OUTPUT if control & 4 else Direction.INPUT,
-        watchdog=Watchdog.ENABLE if control & 0x40 else Watchdog.DISABLE,
+        watchdog=Watchdog.of(control),
         start_byte=int(match[2], 16),
         control=control,
         default_size=int(match[3]),
@@ -182,7 +182,6 @@ _STARTS = (
     *("Alias:", "Position:", "Vendor Id:", "Product code:", "Attached slave:", "Watchdog ", "SM"),
     *("PDO 0x", "PDO entry 0x", "SDO configuration:", "IDN configuration:", "AssignActivate:"),
 )
-_SDO_BYTES = (1, 2, 4, 8)
 
 
 @dataclass(slots=True)
@@ -278,19 +277,11 @@ def _end_sdo(configs: list[_Config]) -> None:
     if len(config.data) < min(size, 1024):
         return
     config.open_sdo = None
-    if match[2] is None or size not in _SDO_BYTES:
+    if match[2] is None or size not in SDO_BYTES:
         config.notes.append(f"start-up SDO 0x{match[1]} of {size} bytes is left out")
         return
-    value = int.from_bytes(bytes.fromhex("".join(config.data[:size])), "little")
-    config.sdos.append(
-        Sdo(
-            span=span,
-            index=int(match[1], 16),
-            subindex=int(match[2], 16),
-            size_bytes=size,
-            value=value,
-        )
-    )
+    data = bytes.fromhex("".join(config.data[:size]))
+    config.sdos.append(Sdo.of(int(match[1], 16), int(match[2], 16), data, span))
 
 
 def _described(config: _Config, text: Pasted, *, last: bool) -> DescribedSubDevice:

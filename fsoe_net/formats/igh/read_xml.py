@@ -117,7 +117,7 @@ def _device(
                 span=sm_element.span,
                 index=number,
                 direction=Direction.OUTPUT if control & 4 else Direction.INPUT,
-                watchdog=Watchdog.ENABLE if control & 0x40 else Watchdog.DISABLE,
+                watchdog=Watchdog.of(control),
                 pdos=tuple(assigned.pop(number, ())),
                 start_byte=_attribute(sm_element, "StartAddress", out) & 0xFFFF,
             )

@@ -17,12 +17,11 @@ from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.source import Source, source_bytes
 from fsoe_net.formats.shared.xml_text import readable_xml
 from fsoe_net.formats.shared.xml_tree import Element, parse_xml
-from fsoe_net.model.bus import Device, Direction, Entry, Pdo, Sdo, SyncManager
+from fsoe_net.model.bus import SDO_BYTES, Device, Direction, Entry, Pdo, Sdo, SyncManager
 from fsoe_net.model.description import DescribedConnection, DescribedSubDevice, Description
 
 _PARAMETER = "fsoeSlaveIdx"
 _DIRECTIONS = {"out": Direction.OUTPUT, "in": Direction.INPUT}
-_SDO_BYTES = (1, 2, 4, 8)
 _HEX = re.compile(r"(?:0[xX])?0{0,40}([0-9a-fA-F]{1,8})\Z")
 _DECIMAL = re.compile(r"0{0,40}([0-9]{1,10})\Z")
 
@@ -306,19 +305,11 @@ class _Master:
             except ValueError:
                 value = b""
             complete = config.attributes.get("subIdx") == "complete"
-            if complete or index is None or len(value) not in _SDO_BYTES:
+            if complete or index is None or len(value) not in SDO_BYTES:
                 left_out += 1
                 continue
             sub = _number(config, "subIdx", self._out, hexadecimal=True) or 0
-            sdos.append(
-                Sdo(
-                    span=config.span,
-                    index=index & 0xFFFF,
-                    subindex=sub & 0xFF,
-                    size_bytes=len(value),
-                    value=int.from_bytes(value, "little"),
-                )
-            )
+            sdos.append(Sdo.of(index & 0xFFFF, sub & 0xFF, value, config.span))
         if left_out:
             what = counted(left_out, "start-up SDO")
             notes.append(f"{what} left out: not plain bytes of 1, 2, 4 or 8")

@@ -123,7 +123,7 @@ class _Configuration:
     def _type(self, number: int) -> str:
         """Return the type that the driver has for this SubDevice; empty for ``generic``."""
         device = self._description.subdevices[number].device
-        key = (device.vendor_id, device.product_code)
+        key = device.identity
         if number in self._partners:
             known = _LOGICS.get(key, "")
         elif number in self._connected:
@@ -208,8 +208,7 @@ def _entry(entry: Entry, bits: int, pins: Names) -> str:
 
 
 def _sdo(sdo: Sdo) -> Iterator[str]:
-    value = sdo.value & ((1 << 8 * sdo.size_bytes) - 1)
-    data = value.to_bytes(sdo.size_bytes, "little").hex(" ").upper()
+    data = sdo.raw.to_bytes(sdo.size_bytes, "little").hex(" ").upper()
     yield f'      <sdoConfig idx="{sdo.index:04X}" subIdx="{sdo.subindex:02X}">'
     yield f'        <sdoDataRaw data="{data}"/>'
     yield "      </sdoConfig>"

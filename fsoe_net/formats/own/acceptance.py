@@ -8,7 +8,7 @@ import os
 import re
 import zlib
 from datetime import date
-from typing import cast
+from typing import TypeVar, cast
 
 from fsoe_net.formats.own.safety_functions import safety_functions_from_yaml
 from fsoe_net.formats.own.schema import check_structure
@@ -33,6 +33,7 @@ _WITH_FORM_1 = "1"
 _LOOKED_AT = 4096
 _HASH = re.compile(r"[0-9a-f]{64}")
 _MANY = 2**31 - 1
+_Row = TypeVar("_Row", JustifiedFinding, JustifiedStep)
 
 
 def is_acceptance(data: bytes) -> bool:
@@ -104,8 +105,8 @@ def _record(root: MapNode, out: Collector) -> Acceptance:
         steps=own_int(test_record, "steps", _MANY, out) or 0,
         author=_person(_map(root, "author"), out),
         verifier=_person(_map(root, "verifier"), out),
-        findings=tuple(_finding(n, out) for n in root.maps("justified_findings")),
-        steps_left_out=tuple(_step(n, out) for n in root.maps("steps_left_out")),
+        findings=_justified(JustifiedFinding, root, "justified_findings", out),
+        steps_left_out=_justified(JustifiedStep, root, "steps_left_out", out),
         equipment=root.texts("equipment") or (),
         attachments=tuple(_file(n, out) for n in root.maps("attachments")),
         interventions=tuple(_intervention(n, out) for n in root.maps("interventions")),
@@ -160,21 +161,16 @@ def _person(node: MapNode, out: Collector) -> SignedBy:
     return record_of(SignedBy, node, out, name=_stated(node, "name", out), date=_date(node, out))
 
 
-def _finding(node: MapNode, out: Collector) -> JustifiedFinding:
-    return record_of(JustifiedFinding, node, out, **_reason(node, out))
-
-
-def _step(node: MapNode, out: Collector) -> JustifiedStep:
-    return record_of(JustifiedStep, node, out, **_reason(node, out))
-
-
-def _reason(node: MapNode, out: Collector) -> dict[str, str]:
-    return {key: _stated(node, key, out) for key in ("reason", "by")}
+def _justified(kind: type[_Row], root: MapNode, key: str, out: Collector) -> tuple[_Row, ...]:
+    return tuple(
+        record_of(kind, node, out, reason=_stated(node, "reason", out), by=_stated(node, "by", out))
+        for node in root.maps(key)
+    )
 
 
 def _intervention(node: MapNode, out: Collector) -> Intervention:
-    stated = {key: _stated(node, key, out) for key in ("what", "by")}
-    return record_of(Intervention, node, out, **stated, date=_date(node, out))
+    what, by = _stated(node, "what", out), _stated(node, "by", out)
+    return record_of(Intervention, node, out, what=what, by=by, date=_date(node, out))
 
 
 def _replaced(node: MapNode, out: Collector) -> Replaced:

@@ -92,8 +92,7 @@ def _kept(
 
 
 def _sdo(sdo: Sdo, name: str, notes: list[str]) -> str:
-    bits = 8 * sdo.size_bytes
-    value = sdo.value & ((1 << bits) - 1)
+    bits, value = 8 * sdo.size_bytes, sdo.raw
     # The driver reads a signed 32-bit number, so a large uint32 is written as a negative one.
     if value >= 1 << (bits - 1) and (sdo.value < 0 or bits == 32):
         value -= 1 << bits

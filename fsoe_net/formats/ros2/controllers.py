@@ -67,8 +67,13 @@ def _fixed(ends: Sequence[_Name], interface: str, *, is_command: bool) -> _Uses:
         yield InterfaceUse(span=span, name=f"{end}/{interface}", is_command=is_command)
 
 
-def _broadcaster(p: _Parameters) -> _Uses:
-    yield from _each(p.names("joints"), p.names("interfaces"), is_command=False)
+def _lists(ends: str, interfaces: str, *, is_command: bool) -> Callable[[_Parameters], _Uses]:
+    """Return the reader of a list of joints, each with the same interfaces."""
+    return lambda p: _each(p.names(ends), p.names(interfaces), is_command=is_command)
+
+
+def _group(interface: str) -> Callable[[_Parameters], _Uses]:
+    return lambda p: _fixed(p.names("joints"), interface, is_command=True)
 
 
 def _trajectory(p: _Parameters) -> _Uses:
@@ -76,21 +81,6 @@ def _trajectory(p: _Parameters) -> _Uses:
     commanded = p.names("command_joints") or joints
     yield from _each(commanded, p.names("command_interfaces"), is_command=True)
     yield from _each(joints, p.names("state_interfaces"), is_command=False)
-
-
-def _forward(p: _Parameters) -> _Uses:
-    yield from _each(p.names("joints"), p.names("interface_name"), is_command=True)
-
-
-def _forward_several(p: _Parameters) -> _Uses:
-    yield from _each(p.names("joint"), p.names("interface_names"), is_command=True)
-
-
-def _group(interface: str) -> Callable[[_Parameters], _Uses]:
-    def read(p: _Parameters) -> _Uses:
-        yield from _fixed(p.names("joints"), interface, is_command=True)
-
-    return read
 
 
 def _diff_drive(p: _Parameters) -> _Uses:
@@ -112,10 +102,16 @@ def _gpios(p: _Parameters) -> _Uses:
 
 
 _TYPES: dict[str, Callable[[_Parameters], _Uses]] = {
-    "joint_state_broadcaster/JointStateBroadcaster": _broadcaster,
+    "joint_state_broadcaster/JointStateBroadcaster": _lists(
+        "joints", "interfaces", is_command=False
+    ),
     "joint_trajectory_controller/JointTrajectoryController": _trajectory,
-    "forward_command_controller/ForwardCommandController": _forward,
-    "forward_command_controller/MultiInterfaceForwardCommandController": _forward_several,
+    "forward_command_controller/ForwardCommandController": _lists(
+        "joints", "interface_name", is_command=True
+    ),
+    "forward_command_controller/MultiInterfaceForwardCommandController": _lists(
+        "joint", "interface_names", is_command=True
+    ),
     "position_controllers/JointGroupPositionController": _group("position"),
     "velocity_controllers/JointGroupVelocityController": _group("velocity"),
     "effort_controllers/JointGroupEffortController": _group("effort"),

@@ -202,8 +202,7 @@ def _described(slave: _Slave, shown: str, *, truncated: bool) -> DescribedSubDev
             continue
         manager.start_byte, flags = slave.starts.get(manager.index, (None, None))
         if flags is not None:
-            # Bit 6 of the control byte is the trigger of the watchdog (ETG.1000.4).
-            manager.watchdog = Watchdog.ENABLE if flags & 0x40 else Watchdog.DISABLE
+            manager.watchdog = Watchdog.of(flags)
         # Each sync manager begins with an unnumbered PDO, which stays empty if PDOs are numbered.
         manager.pdos = [pdo for pdo in manager.pdos if pdo[2]]
         managers.append(manager.built())

@@ -28,7 +28,6 @@ from fsoe_net.model.description import DescribedSubDevice, MailboxFacts, StartFa
 
 _SM = struct.Struct("<HHBBBBI")
 _USES = {3: Direction.OUTPUT, 4: Direction.INPUT}
-_WATCHDOG_BIT = 0x40
 _MOST_BITS = 0xFFFF
 _MOST_NAMESAKES = 16
 _MOST_FINDINGS = 200
@@ -219,7 +218,7 @@ class _BoxReader:
                     span=self._own.span,
                     index=index,
                     direction=direction,
-                    watchdog=Watchdog.ENABLE if control & _WATCHDOG_BIT else Watchdog.DISABLE,
+                    watchdog=Watchdog.of(control),
                     pdos=tuple(carried),
                     start_byte=start or None,
                 )
