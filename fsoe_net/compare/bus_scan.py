@@ -155,7 +155,7 @@ def _other(out: FindingList, match: Match) -> None:
         device = sub.device
         if device is None:
             continue  # an unknown device matches any other
-        expected = identity_text(device.vendor_id, device.product_code)
+        expected = identity_text(*device.identity)
         out.add(
             "FSN504",
             place_of(sub),

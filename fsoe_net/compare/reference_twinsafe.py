@@ -119,7 +119,7 @@ class _Project:
             order = self.order(row)
             if device is None or not order:
                 return True
-            known = self.library.find(device.vendor_id, device.product_code)
+            known = self.library.find(*device.identity)
             other = self.library.named(order)
             return known is None or other is None or known is other
 

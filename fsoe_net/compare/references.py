@@ -136,8 +136,8 @@ class _Check:
     def _identity(self, row: DescribedSubDevice) -> Identity | None:
         """Return vendor and product of a row; by its order number if the file has nothing else."""
         device = row.device
-        if device.vendor_id and device.product_code:
-            return device.vendor_id, device.product_code
+        if all(device.identity):
+            return device.identity
         known = self.library.named(row.order) if row.order else None
         for item in known.identities if known is not None else ():
             if item.order.casefold() == row.order.casefold():

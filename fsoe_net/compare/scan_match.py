@@ -83,7 +83,7 @@ class _Rows:
 
 def identity_of(sub: SubDevice) -> Identity | None:
     """Return vendor and product of a SubDevice, if known."""
-    return None if sub.device is None else (sub.device.vendor_id, sub.device.product_code)
+    return None if sub.device is None else sub.device.identity
 
 
 def is_same(one: Identity | None, two: Identity | None) -> bool:

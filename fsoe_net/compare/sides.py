@@ -229,7 +229,7 @@ def _network_subdevice(sub: SubDevice, addresses: tuple[int, ...] | None) -> Sid
         return side
     return replace(
         side,
-        identity=(sub.device.vendor_id, sub.device.product_code),
+        identity=sub.device.identity,
         managers=_managers(sub.device),
         sdos=_sdos(sub.device.sdos),
     )
@@ -429,13 +429,12 @@ def side_of_description(description: Description) -> Side:
 
 def _described(sub: DescribedSubDevice) -> SideSubDevice:
     device = sub.device
-    has_identity = bool(device.vendor_id or device.product_code)
     managers = None if sub.truncated else _managers(device)
     return SideSubDevice(
         name=sub.name or sub.order,
         alias=sub.alias or None,
         position=sub.position,
-        identity=(device.vendor_id, device.product_code) if has_identity else None,
+        identity=device.identity if any(device.identity) else None,
         revision=sub.revision,
         managers=managers or None,
     )

@@ -29,7 +29,7 @@ def _is_of_type(sub: DescribedSubDevice, row: DescribedSubDevice) -> bool:
     """Whether a SubDevice is of a type: by identity, or by order number if it has none."""
     one, two = sub.device, row.device
     if one.product_code:
-        return (one.vendor_id, one.product_code) == (two.vendor_id, two.product_code)
+        return one.identity == two.identity
     return bool(sub.order) and sub.order.casefold() == row.order.casefold()
 
 

@@ -181,6 +181,10 @@ class DeviceLayout:
     managers: tuple[SmLayout, ...]
     partners: Mapping[tuple[int, int], tuple[int, int]]
 
+    def manager(self, index: int) -> SmLayout | None:
+        """Return the sync manager with this number."""
+        return next((m for m in self.managers if m.sm.index == index), None)
+
     @cached_property
     def blocks(self) -> tuple[FsoeBlock, ...]:
         """The FSoE frames of all sync managers."""

@@ -33,7 +33,7 @@ def library_device(sub: DescribedSubDevice, library: Library) -> LibraryDevice |
     """Return the library entry of a SubDevice, by identity or else by order number."""
     device = sub.device
     if device.product_code:
-        return library.find(device.vendor_id, device.product_code)
+        return library.find(*device.identity)
     return library.named(sub.order) if sub.order else None
 
 

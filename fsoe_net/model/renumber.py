@@ -58,8 +58,7 @@ def _partner(sub: DescribedSubDevice, places: dict[int | None, int], other: Desc
             "SubDevice there: these are not the same bus"
         )
     found = other.subdevices[number]
-    mine = (sub.device.vendor_id, sub.device.product_code)
-    theirs = (found.device.vendor_id, found.device.product_code)
+    mine, theirs = sub.device.identity, found.device.identity
     if mine != theirs:
         raise InputError(
             f"{sub.span}: {_name(sub)} at position {sub.position} is vendor 0x{mine[0]:x}, product "
@@ -73,19 +72,14 @@ def _end(
     end: DescribedEnd, bits: int, bus: Description, other: Description, numbers: list[int]
 ) -> DescribedEnd:
     sub, found = bus.subdevices[end.subdevice], other.subdevices[numbers[end.subdevice]]
-    mine = _range(_manager(sub, end.sm_index), end.bit_offset, bits)
-    theirs = _range(_manager(found, end.sm_index), end.bit_offset, bits)
+    managers = (s.device.layout.manager(end.sm_index) for s in (sub, found))
+    mine, theirs = (_range(manager, end.bit_offset, bits) for manager in managers)
     if mine != theirs:
         raise InputError(
             f"{sub.span}: {_name(sub)}: byte {end.bit_offset // 8} of sync manager {end.sm_index} "
             f"holds other data at {found.span}; assign the same PDOs in both"
         )
     return replace(end, subdevice=numbers[end.subdevice])
-
-
-def _manager(sub: DescribedSubDevice, index: int) -> SmLayout | None:
-    managers = sub.device.layout.managers
-    return next((m for m in managers if m.sm.index == index), None)
 
 
 def _range(manager: SmLayout | None, first: int, bits: int) -> list[tuple[int, ...]] | None:

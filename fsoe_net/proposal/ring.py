@@ -105,7 +105,7 @@ def list_types(
 
 def _known(sub: DescribedSubDevice, library: Library) -> str:
     """Return the order number of an identity, if the library has it."""
-    own = (sub.device.vendor_id, sub.device.product_code)
+    own = sub.device.identity
     device = library.find(*own)
     rows = () if device is None else device.identities
     words = (i.order for i in rows if (i.vendor_id, i.product_code) == own)

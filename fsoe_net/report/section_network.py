@@ -238,7 +238,7 @@ def _place(s: SubDevice, buses: Sequence[Bus]) -> Cell:
 
 def _type_name(device: Device, library: Library) -> Cell:
     """Return the name of a type in the device library; empty if unknown."""
-    known = library.find(device.vendor_id, device.product_code)
+    known = library.find(*device.identity)
     return () if known is None else (muted(f"library: {known.name}"),)
 
 

@@ -117,8 +117,7 @@ def _place_twice(ctx: Context, sub: SubDevice, there: SubDevice) -> None:
     same = (
         sub.device is not None
         and there.device is not None
-        and sub.device.vendor_id == there.device.vendor_id
-        and sub.device.product_code == there.device.product_code
+        and sub.device.identity == there.device.identity
     )
     effect = (
         "the PDO list of the second replaces the first"

@@ -29,7 +29,7 @@ def check_library(
     # A device file with an error differs because of that error.
     wrong = {d.span.file for d in found if d.level is not Severity.INFO}
     for _, device, sub in Context(resolution=resolution).devices():
-        known = library.find(device.vendor_id, device.product_code)
+        known = library.find(*device.identity)
         if known is None:
             continue
         mapping = None if device.path in wrong else _frames(out, sub, device.layout, known)

@@ -274,7 +274,7 @@ def _row(element: SafetyElement, subs: dict[str, SubDevice], library: Library) -
     sub = subs.get(element.sub)
     device = None
     if sub is not None and sub.device is not None:
-        device = library.find(sub.device.vendor_id, sub.device.product_code)
+        device = library.find(*sub.device.identity)
     return ElementRow(
         element=element,
         time=_quantity(element, element.time_ms, "ms", device, f"{element.kind.value}_ms"),

@@ -42,7 +42,7 @@ def _choices(catalogue: EsiCatalogue, wanted: Iterable[DescribedSubDevice]) -> s
         offered.setdefault(row.type.casefold(), set()).add(identity)
     choices = set()
     for sub in wanted:
-        own = (sub.device.vendor_id, sub.device.product_code)
+        own = sub.device.identity
         # By identity if known, otherwise by order number if only one vendor has it.
         same = offered.get(own if own[1] else sub.order.casefold() or None, set())
         if len(same) == 1:

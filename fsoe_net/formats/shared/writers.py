@@ -99,8 +99,7 @@ def identifiers(names: Sequence[str]) -> tuple[str, ...]:
 
 def manager_of(description: Description, end: DescribedEnd) -> SmLayout | None:
     """Return the sync manager of an end of a copy."""
-    layout = description.subdevices[end.subdevice].device.layout
-    return next((m for m in layout.managers if m.sm.index == end.sm_index), None)
+    return description.subdevices[end.subdevice].device.layout.manager(end.sm_index)
 
 
 class Endpoints:
