@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -30,7 +30,7 @@ from fsoe_net.formats.own.schema import (
     schema_keys,
 )
 from fsoe_net.formats.own.slave_yaml import device_from_yaml, load_device
-from fsoe_net.formats.own.transfers import ModuleRow, modules_from_yaml, nets_from_yaml
+from fsoe_net.formats.own.transfers import ModuleDecl, modules_from_yaml, nets_from_yaml
 from fsoe_net.formats.shared.files import Collector, is_there, read_bytes, stem_of
 from fsoe_net.formats.shared.numbers import own_int
 from fsoe_net.formats.shared.ring import fits_on_bus
@@ -41,7 +41,7 @@ from fsoe_net.model.network import Net, NetworkConfig
 from fsoe_net.model.robot import Robot
 
 if TYPE_CHECKING:
-    from fsoe_net.formats.ros2.urdf_system import DriverSystem, ModuleDecl
+    from fsoe_net.formats.ros2.urdf_system import DriverSystem
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -314,7 +314,12 @@ class _Assembly:
         nets: tuple[Net, ...] = ()
         cycle_ns: int | None = None
         for system in self._systems:
-            subs.extend(self._from_declaration(decl, system) for decl in system.modules)
+            subs.extend(
+                self._from_declaration(
+                    decl, system.master_id, system=system.name, hardware=system.plugin or ""
+                )
+                for decl in system.modules
+            )
             file = self._transfer_file_of(system)
             if system.control_frequency > 0:
                 cycle_ns = round(1e9 / system.control_frequency)
@@ -378,9 +383,11 @@ class _Assembly:
                 hint="write an absolute path, or $(find your_package)/config/… in a xacro",
             )
 
-    def _from_declaration(self, decl: ModuleDecl, system: DriverSystem) -> SubDevice:
+    def _from_declaration(
+        self, decl: ModuleDecl, master_id: int, *, system: str = "", hardware: str = ""
+    ) -> SubDevice:
         device: Device | None = None
-        if decl.slave_config:
+        if "slave_config" in decl.fields:
             named_at = decl.at("slave_config")
             self._relative(decl.slave_config, named_at)
             device = self._device(decl.slave_config, named_at.file, named_at)
@@ -395,11 +402,11 @@ class _Assembly:
             device=device,
             plugin=decl.plugin,
             required=decl.required,
-            origin=decl.components[0].kind,
+            origin=decl.origin,
             components=decl.components,
-            system=system.name,
-            hardware=system.plugin or "",
-            master_id=system.master_id,
+            system=system,
+            hardware=hardware,
+            master_id=master_id,
         )
 
     def _with_mode(self, device: Device, mode: int, span: Span) -> Device:
@@ -409,26 +416,13 @@ class _Assembly:
             self._drives[key] = with_mode(device, mode, span)
         return self._drives[key]
 
-    def _from_rows(self, file: MapNode, master_id: int) -> list[SubDevice]:
-        return [self._from_row(row, file, master_id) for row in modules_from_yaml(file, self.out)]
+    def _from_rows(self, file: MapNode, master_id: int) -> Iterator[SubDevice]:
+        for decl in modules_from_yaml(file, self.out):
+            if decl.plugin is not None:
+                from fsoe_net.formats.ros2.urdf_params import known_plugin_findings
 
-    def _from_row(self, row: ModuleRow, file: MapNode, master_id: int) -> SubDevice:
-        if row.plugin is not None:
-            from fsoe_net.formats.ros2.urdf_params import known_plugin_findings
-
-            self.out.diagnostics.extend(known_plugin_findings(row.plugin, row.node.at("plugin")))
-        self._relative(row.slave_config, row.config_span)
-        return SubDevice(
-            span=row.node.span,
-            fields=row.node.places(),
-            name=row.name,
-            alias=row.alias,
-            position=row.position,
-            device=self._device(row.slave_config, file.file, row.config_span),
-            plugin=row.plugin,
-            origin=row.origin,
-            master_id=master_id,
-        )
+                self.out.diagnostics += known_plugin_findings(decl.plugin, decl.at("plugin"))
+            yield self._from_declaration(decl, master_id)
 
     # -- files on their own -----------------------------------------------------------------------
 

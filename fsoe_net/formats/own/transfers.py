@@ -3,20 +3,37 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
+from dataclasses import field
 
 from fsoe_net.dataclass import dataclass
-from fsoe_net.diag.diagnostic import Related, Severity, Span
+from fsoe_net.diag.diagnostic import Related, Severity
 from fsoe_net.formats.own.schema import nearest_keys
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.numbers import Reader, own_int, read_int, warn_decimal_index
 from fsoe_net.formats.shared.yaml_tree import MapNode, Node, SeqNode
 from fsoe_net.fsoe.parameters import MOST_APP_BYTES
+from fsoe_net.model.bus import Located, RobotComponent
 from fsoe_net.model.network import ConnectionFacts, Endpoint, Net, Transfer, TransferKind
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ModuleRow:
-    """A module declared in ``safety_modules`` or ``transfer_modules``."""
+class ModuleDecl(Located):
+    """A module as an ``ec_module`` or a transfer YAML declares it.
+
+    Args:
+        name: Name used by transfers.
+        plugin: As written, or ``None``.
+        alias: 0 if absent or unreadable.
+        position: Ring position, or offset from ``alias``. In a URDF, a module whose position is
+            missing or unreadable gets a high unused one, to avoid further findings about it.
+        slave_config: As written (after expansion); empty if absent.
+        origin: Section of its declaration, as in `SubDevice`.
+        required: False if the driver may omit the module.
+        components: The joints, gpios and sensors that have it, in the order of the driver.
+        mode: Mode of operation that the plugin for CiA 402 writes, or ``None``.
+        params: Every ``param``, as written.
+    """
 
     name: str
     plugin: str | None
@@ -24,8 +41,10 @@ class ModuleRow:
     position: int
     slave_config: str
     origin: str
-    node: MapNode
-    config_span: Span
+    required: bool = True
+    components: tuple[RobotComponent, ...] = ()
+    mode: int | None = None
+    params: Mapping[str, str] = field(default_factory=dict)
 
 
 def nets_from_yaml(root: MapNode, out: Collector, *, needed: bool = True) -> tuple[Net, ...]:
@@ -222,18 +241,17 @@ def _parameters(node: MapNode, out: Collector) -> bytes:
     return bytes.fromhex(digits)
 
 
-def modules_from_yaml(root: MapNode, out: Collector) -> tuple[ModuleRow, ...]:
+def modules_from_yaml(root: MapNode, out: Collector) -> tuple[ModuleDecl, ...]:
     """Return the modules declared in a transfer YAML, in the order of the driver."""
-    rows: list[ModuleRow] = []
-    for origin in ("transfer_modules", "safety_modules"):
-        for node in root.maps(origin):
-            row = _module(node, origin, out)
-            if row is not None:
-                rows.append(row)
-    return tuple(rows)
+    found = (
+        _module(node, origin, out)
+        for origin in ("transfer_modules", "safety_modules")
+        for node in root.maps(origin)
+    )
+    return tuple(row for row in found if row is not None)
 
 
-def _module(node: MapNode, origin: str, out: Collector) -> ModuleRow | None:
+def _module(node: MapNode, origin: str, out: Collector) -> ModuleDecl | None:
     name = node.text("name")
     parameters = node.get("parameters")
     if name is None or not isinstance(parameters, MapNode):
@@ -242,15 +260,15 @@ def _module(node: MapNode, origin: str, out: Collector) -> ModuleRow | None:
     config = parameters.text("slave_config")
     if position is None or config is None:
         return None
-    return ModuleRow(
+    return ModuleDecl(
+        span=node.span,
+        fields=node.places() | {"slave_config": parameters.at("slave_config")},
         name=name,
         plugin=node.text("plugin"),
         alias=_address(parameters, "alias", out) or 0,
         position=position,
         slave_config=config,
         origin=origin,
-        node=node,
-        config_span=parameters.at("slave_config"),
     )
 
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import field, replace
+from dataclasses import replace
 
 from fsoe_net.dataclass import dataclass
 from fsoe_net.diag.diagnostic import Related
+from fsoe_net.formats.own.transfers import ModuleDecl
 from fsoe_net.formats.ros2.urdf_params import (
     DRIVER_PLUGIN,
     IGH_MASTER,
@@ -38,34 +39,6 @@ _SYSTEM_PARAMS = (
 _LONGEST_NUMBER = 40
 _LIMITED = ("revolute", "prismatic")
 _MODULE_PARAMS = ("alias", "position", "slave_config", "mode_of_operation", "required", "plugin")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ModuleDecl(Located):
-    """One ``ec_module``.
-
-    Args:
-        name: Name used by transfers.
-        plugin: As written, or ``None``.
-        alias: 0 if absent or unreadable.
-        position: Ring position, or offset from ``alias``. A module whose position is missing or
-            unreadable gets a high unused one, to avoid further findings about it.
-        slave_config: As written (after expansion); empty if absent.
-        required: False if the driver may omit the module.
-        components: The joints, gpios and sensors that have it, in the order of the driver.
-        mode: Mode of operation that the plugin for CiA 402 writes, or ``None``.
-        params: Every ``param``, as written.
-    """
-
-    name: str
-    plugin: str | None
-    alias: int
-    position: int
-    slave_config: str
-    required: bool
-    components: tuple[RobotComponent, ...]
-    mode: int | None = None
-    params: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -229,6 +202,7 @@ class _System:
             alias=alias or 0,
             position=-1 if position is None else position,
             slave_config=params.text("slave_config") or "",
+            origin=component.name,
             required=read_flag(params, "required", out),
             components=(robot_component(component, self._joints),),
             mode=read_mode(params, out)
