@@ -17,18 +17,12 @@
 enum { MOST_BYTES = 256 << 10 };
 
 static void begin(struct fsn_json *json, const char *event) {
-    char utc[32];
-    fsn_utc_text(fsn_now_ns(), utc);
     *json = (struct fsn_json){.limit_bytes = MOST_BYTES};
-    fsn_json_open(json, '{');
-    fsn_json_put_text(json, "event", event);
-    fsn_json_put_text(json, "utc", utc);
+    fsn_json_begin_event(json, event, fsn_now_ns());
 }
 
 static void end(struct fsn_json *json, const char *level, const char *text) {
-    fsn_json_put_text(json, "level", level);
-    fsn_json_put_text(json, "text", text);
-    fsn_json_close(json, '}');
+    fsn_json_end_event(json, level, text);
     log_entry(FSN_MAINTAINER, json);
     fsn_json_free(json);
 }
@@ -63,7 +57,7 @@ void entry_start(int argc, char **argv) {
     gethostname(host, sizeof host - 1);
     begin(&json, "start");
     fsn_json_put_text(&json, "version", fsn_version());
-    fsn_json_put_text_or_null(&json, "program_sha256", hash[0] != 0 ? hash : NULL);
+    fsn_json_put_text(&json, "program_sha256", hash[0] != 0 ? hash : NULL);
     fsn_json_put_text(&json, "host", host);
     fsn_peer_put(&self, &json);
     fsn_json_put_open(&json, "arguments", '[');
@@ -95,8 +89,7 @@ void entry_plan(const struct fsn_plan *plan, const struct options *o) {
     }
     fsn_json_close(&json, '}');
     fsn_json_put_u64(&json, "plan_cycle_ns", fsn_plan_cycle_ns(plan));
-    fsn_json_put_text_or_null(&json, "accepted", o->accepted);
-    fsn_json_put_text_or_null(&json, "acceptance", o->acceptance);
+    FSN_JSON_PUT(&json, o, accepted, acceptance);
     const char *acceptance = "no acceptance required";
     if (o->acceptance != NULL) {
         acceptance = "to be accepted by a signed record";
@@ -111,8 +104,7 @@ void entry_acceptance(const struct options *o, bool as_signed, const char *text)
     struct fsn_json json;
     begin(&json, "acceptance");
     fsn_json_put_text(&json, "record", o->acceptance);
-    fsn_json_put_text(&json, "signers", o->signers);
-    fsn_json_put_text_or_null(&json, "revoked", o->revoked);
+    FSN_JSON_PUT(&json, o, signers, revoked);
     fsn_json_put_bool(&json, "as_signed", as_signed);
     end(&json, as_signed ? "info" : "error", text);
 }

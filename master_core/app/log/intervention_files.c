@@ -225,20 +225,10 @@ static int append(struct intervention_files *files, const char *json, size_t jso
     return error;
 }
 
-static void begin_own(struct fsn_json *json, const char *event) {
-    char utc[32];
-    fsn_utc_text(fsn_now_ns(), utc);
-    fsn_json_open(json, '{');
-    fsn_json_put_text(json, "event", event);
-    fsn_json_put_text(json, "utc", utc);
-}
-
 /** Ends an entry about the log itself, and appends it. */
 static int append_own(struct intervention_files *files, struct fsn_json *json, const char *level,
                       const char *text) {
-    fsn_json_put_text(json, "level", level);
-    fsn_json_put_text(json, "text", text);
-    fsn_json_close(json, '}');
+    fsn_json_end_event(json, level, text);
     const int error = json->failed != FSN_OK ? ENOMEM : append(files, json->bytes, json->len_bytes);
     fsn_json_free(json);
     return error;
@@ -248,18 +238,18 @@ static int append_own(struct intervention_files *files, struct fsn_json *json, c
 static int append_begin(struct intervention_files *files, uint32_t before) {
     struct fsn_json json = {.limit_bytes = OWN_BYTES};
     char name[INTERVENTION_NAME_BYTES];
-    begin_own(&json, "file");
+    fsn_json_begin_event(&json, "file", fsn_now_ns());
     fsn_json_put_u64(&json, "log", LOG_VERSION);
     fsn_json_put_u64(&json, "file", files->file);
     if (files->number == 0) {
-        fsn_json_put_text_or_null(&json, "before", NULL);
+        fsn_json_put_text(&json, "before", NULL);
         return append_own(files, &json, "info", "begins a new log");
     }
     char text[120];
     intervention_file_name(before, name);
     snprintf(text, sizeof text, "continues from entry %" PRIu64 " in %s", files->number,
              before > 0 ? name : "a file that is no longer there");
-    fsn_json_put_text_or_null(&json, "before", before > 0 ? name : NULL);
+    fsn_json_put_text(&json, "before", before > 0 ? name : NULL);
     return append_own(files, &json, "info", text);
 }
 
@@ -273,7 +263,7 @@ static int append_torn(struct intervention_files *files, const struct tail *tail
     fsn_sha256_add(&run, tail->bytes + tail->at, tail->len_bytes - tail->at);
     fsn_sha256_add(&run, torn_mark, mark);
     fsn_sha256_end(&run, digest);
-    begin_own(&json, "torn");
+    fsn_json_begin_event(&json, "torn", fsn_now_ns());
     fsn_json_put_u64(&json, "bytes", tail->len_bytes - tail->at + mark);
     fsn_json_put_hex(&json, "sha256", digest, sizeof digest);
     return append_own(files, &json, "warning",
@@ -420,7 +410,7 @@ int intervention_files_open(struct intervention_files *files) {
     error = error != 0 ? error : find_end(files);
     if (error == 0 && !files->known && !files->stopped) {
         struct fsn_json json = {.limit_bytes = OWN_BYTES};
-        begin_own(&json, "unfinished");
+        fsn_json_begin_event(&json, "unfinished", fsn_now_ns());
         error = append_own(files, &json, "warning",
                            "the run before has no stop entry: power loss, crash, kill, or a disk "
                            "that took none");

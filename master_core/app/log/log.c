@@ -16,6 +16,7 @@
 
 #include "control/base/clock.h"
 #include "control/base/json.h"
+#include "control/base/names.h"
 #include "control/base/words.h"
 
 enum { END_MS = 3000 /**< how long the end waits for the disk of the intervention log */ };
@@ -27,11 +28,6 @@ static struct {
     pthread_mutex_t lock; /**< held only for operations that do not wait */
     struct interventions *log;
 } kept = {.lock = PTHREAD_MUTEX_INITIALIZER};
-
-static const char *level_name(enum fsn_log_level level) {
-    static const char *const names[] = {"detail", "info", "warning", "error"};
-    return names[level];
-}
 
 void log_as_json(bool json) {
     as_json = json;
@@ -135,7 +131,7 @@ static size_t lost_line(char *line, size_t room) {
                              as_json ? "{\"event\":\"log\",\"utc\":\"%s\",\"level\":\"%s\","
                                        "\"text\":\"%s\"}\n"
                                      : "%s %s %s\n",
-                             utc, level_name(FSN_LOG_WARNING), text);
+                             utc, fsn_log_level_name(FSN_LOG_WARNING), text);
     return (size_t)len;
 }
 
@@ -158,7 +154,7 @@ static void put_text(enum fsn_log_level level, const char *text) {
     char utc[32];
     char line[1024];
     fsn_utc_text(fsn_now_ns(), utc);
-    size_t len = (size_t)snprintf(line, sizeof line, "%s %s ", utc, level_name(level));
+    size_t len = (size_t)snprintf(line, sizeof line, "%s %s ", utc, fsn_log_level_name(level));
     /* Names in it come from files and devices. */
     len += fsn_show_text(line + len, sizeof line - len, text);
     line[len++] = '\n';
@@ -174,12 +170,8 @@ static void put_json(struct fsn_json *json) {
 /** A line as an event; the caller frees it. */
 static struct fsn_json as_event(const char *event, enum fsn_log_level level, const char *text) {
     struct fsn_json json = {.limit_bytes = 8192};
-    char utc[32];
-    fsn_utc_text(fsn_now_ns(), utc);
-    fsn_json_open(&json, '{');
-    fsn_json_put_text(&json, "event", event);
-    fsn_json_put_text(&json, "utc", utc);
-    fsn_json_put_text(&json, "level", level_name(level));
+    fsn_json_begin_event(&json, event, fsn_now_ns());
+    fsn_json_put_text(&json, "level", fsn_log_level_name(level));
     fsn_json_put_text(&json, "text", text);
     return json;
 }

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "control/base/clock.h"
 #include "control/base/words.h"
 
 void fsn_json_free(struct fsn_json *json) {
@@ -91,7 +92,11 @@ void fsn_json_chars(struct fsn_json *json, const char *text, size_t left) {
 }
 
 void fsn_json_text(struct fsn_json *json, const char *text) {
-    fsn_json_chars(json, text, strlen(text));
+    if (text == NULL) {
+        fsn_json_null(json);
+    } else {
+        fsn_json_chars(json, text, strlen(text));
+    }
 }
 
 void fsn_json_raw(struct fsn_json *json, const char *bytes, size_t len_bytes) {
@@ -150,18 +155,19 @@ void fsn_json_put_open(struct fsn_json *json, const char *key, char bracket) {
     fsn_json_open(json, bracket);
 }
 
+bool fsn_json_put_object(struct fsn_json *json, const char *key, bool exists) {
+    fsn_json_key(json, key);
+    if (exists) {
+        fsn_json_open(json, '{');
+    } else {
+        fsn_json_null(json);
+    }
+    return exists;
+}
+
 void fsn_json_put_text(struct fsn_json *json, const char *key, const char *text) {
     fsn_json_key(json, key);
     fsn_json_text(json, text);
-}
-
-void fsn_json_put_text_or_null(struct fsn_json *json, const char *key, const char *text) {
-    fsn_json_key(json, key);
-    if (text == NULL) {
-        fsn_json_null(json);
-    } else {
-        fsn_json_text(json, text);
-    }
 }
 
 void fsn_json_put_u64(struct fsn_json *json, const char *key, uint64_t number) {
@@ -196,6 +202,20 @@ void fsn_json_put_hex(struct fsn_json *json, const char *key, const uint8_t *byt
                       size_t len_bytes) {
     fsn_json_key(json, key);
     fsn_json_hex(json, bytes, len_bytes);
+}
+
+void fsn_json_begin_event(struct fsn_json *json, const char *name, uint64_t at_ns) {
+    char utc[32];
+    fsn_utc_text(at_ns, utc);
+    fsn_json_open(json, '{');
+    fsn_json_put_text(json, "event", name);
+    fsn_json_put_text(json, "utc", utc);
+}
+
+void fsn_json_end_event(struct fsn_json *json, const char *level, const char *text) {
+    fsn_json_put_text(json, "level", level);
+    fsn_json_put_text(json, "text", text);
+    fsn_json_close(json, '}');
 }
 
 void fsn_json_end(struct fsn_json *json) {

@@ -32,7 +32,7 @@ void fsn_json_key(struct fsn_json *json, const char *key);
 
 /** Values. Text that is not valid UTF-8 gets a replacement character for each invalid byte; a
  *  number that JSON does not have becomes null. */
-void fsn_json_text(struct fsn_json *json, const char *text);
+void fsn_json_text(struct fsn_json *json, const char *text); /**< NULL: null */
 void fsn_json_chars(struct fsn_json *json, const char *text, size_t len_bytes);
 void fsn_json_u64(struct fsn_json *json, uint64_t value);
 void fsn_json_i64(struct fsn_json *json, int64_t value);
@@ -47,9 +47,9 @@ void fsn_json_hex(struct fsn_json *json, const uint8_t *bytes, size_t len_bytes)
 
 /** Key and value; or the beginning of an object or array. */
 void fsn_json_put_open(struct fsn_json *json, const char *key, char bracket);
+/** Opens an object, or writes null; returns `exists`. */
+bool fsn_json_put_object(struct fsn_json *json, const char *key, bool exists);
 void fsn_json_put_text(struct fsn_json *json, const char *key, const char *text);
-/** NULL: null. */
-void fsn_json_put_text_or_null(struct fsn_json *json, const char *key, const char *text);
 void fsn_json_put_u64(struct fsn_json *json, const char *key, uint64_t value);
 /** Null if it is unknown. */
 void fsn_json_put_known(struct fsn_json *json, const char *key, bool known, uint64_t value);
@@ -58,6 +58,37 @@ void fsn_json_put_bool(struct fsn_json *json, const char *key, bool value);
 void fsn_json_put_bytes(struct fsn_json *json, const char *key, const uint8_t *bytes, size_t count);
 void fsn_json_put_hex(struct fsn_json *json, const char *key, const uint8_t *bytes,
                       size_t len_bytes);
+
+/** Fields of a structure under their own names, at most 8: FSN_JSON_PUT(json, &info, name, alias).
+ *  Unsigned numbers, texts and bools. */
+#define FSN_JSON_PUT(json, of, ...)                                                                \
+    FSN_JSON_COUNT(__VA_ARGS__, 8, 7, 6, 5, 4, 3, 2, 1, 0)(json, of, __VA_ARGS__)
+#define FSN_JSON_COUNT(a, b, c, d, e, f, g, h, n, ...) FSN_JSON_##n
+#define FSN_JSON_1(json, of, field)                                                                \
+    _Generic((of)->field,                                                                          \
+        bool: fsn_json_put_bool,                                                                   \
+        char *: fsn_json_put_text,                                                                 \
+        const char *: fsn_json_put_text,                                                           \
+        default: fsn_json_put_u64)(json, #field, (of)->field)
+#define FSN_JSON_2(json, of, field, ...)                                                           \
+    (FSN_JSON_1(json, of, field), FSN_JSON_1(json, of, __VA_ARGS__))
+#define FSN_JSON_3(json, of, field, ...)                                                           \
+    (FSN_JSON_1(json, of, field), FSN_JSON_2(json, of, __VA_ARGS__))
+#define FSN_JSON_4(json, of, field, ...)                                                           \
+    (FSN_JSON_1(json, of, field), FSN_JSON_3(json, of, __VA_ARGS__))
+#define FSN_JSON_5(json, of, field, ...)                                                           \
+    (FSN_JSON_1(json, of, field), FSN_JSON_4(json, of, __VA_ARGS__))
+#define FSN_JSON_6(json, of, field, ...)                                                           \
+    (FSN_JSON_1(json, of, field), FSN_JSON_5(json, of, __VA_ARGS__))
+#define FSN_JSON_7(json, of, field, ...)                                                           \
+    (FSN_JSON_1(json, of, field), FSN_JSON_6(json, of, __VA_ARGS__))
+#define FSN_JSON_8(json, of, field, ...)                                                           \
+    (FSN_JSON_1(json, of, field), FSN_JSON_7(json, of, __VA_ARGS__))
+
+/** An event: opens it with its name and the UTC of a monotonic time; ends it with level and text.
+ */
+void fsn_json_begin_event(struct fsn_json *json, const char *name, uint64_t at_ns);
+void fsn_json_end_event(struct fsn_json *json, const char *level, const char *text);
 
 /** Ends the line. */
 void fsn_json_end(struct fsn_json *json);

@@ -6,6 +6,11 @@
 #include "fsn/fsoe.h"
 #include "fsn/monitor.h"
 
+const char *fsn_log_level_name(enum fsn_log_level level) {
+    static const char *const name[] = {"detail", "info", "warning", "error"};
+    return name[level];
+}
+
 const char *fsn_observed_text(uint32_t observed) {
     static const char *const text[] = {"silent",    "reset",         "session",      "connection",
                                        "parameter", "failsafe data", "process data", "unknown"};
@@ -48,24 +53,16 @@ const char *fsn_program_state_name(enum fsn_program_state state) {
 }
 
 const char *fsn_command_name(uint8_t command) {
-    static const struct {
-        uint8_t command;
-        const char *name;
-    } names[] = {
-        {0, "none"},
-        {FSN_CMD_RESET, "Reset"},
-        {FSN_CMD_SESSION, "Session"},
-        {FSN_CMD_CONNECTION, "Connection"},
-        {FSN_CMD_PARAMETER, "Parameter"},
-        {FSN_CMD_PROCESS_DATA, "ProcessData"},
-        {FSN_CMD_FAILSAFE_DATA, "FailSafeData"},
+    static const char *const name[UINT8_MAX + 1] = {
+        [0] = "none",
+        [FSN_CMD_RESET] = "Reset",
+        [FSN_CMD_SESSION] = "Session",
+        [FSN_CMD_CONNECTION] = "Connection",
+        [FSN_CMD_PARAMETER] = "Parameter",
+        [FSN_CMD_PROCESS_DATA] = "ProcessData",
+        [FSN_CMD_FAILSAFE_DATA] = "FailSafeData",
     };
-    for (size_t i = 0; i < sizeof names / sizeof names[0]; i++) {
-        if (names[i].command == command) {
-            return names[i].name;
-        }
-    }
-    return "unknown";
+    return name[command] != NULL ? name[command] : "unknown";
 }
 
 const char *fsn_al_text(uint8_t al_status, char room[24]) {

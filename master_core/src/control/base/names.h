@@ -2,11 +2,9 @@
 #ifndef FSN_CONTROL_NAMES_H
 #define FSN_CONTROL_NAMES_H
 
-#include <stdbool.h>
-#include <stdint.h>
-
 #include "control/base/host.h"
 
+const char *fsn_log_level_name(enum fsn_log_level level);
 const char *fsn_observed_text(uint32_t observed);
 bool fsn_observed_is_data(uint32_t observed);
 const char *fsn_reset_text(uint8_t code);

@@ -56,8 +56,8 @@ void fsn_peer_read(struct fsn_peer *peer, pid_t pid, uid_t uid) {
 void fsn_peer_put(const struct fsn_peer *peer, struct fsn_json *json) {
     fsn_json_put_u64(json, "pid", (uint64_t)peer->pid);
     fsn_json_put_u64(json, "uid", peer->uid);
-    fsn_json_put_text_or_null(json, "user", peer->user[0] != 0 ? peer->user : NULL);
-    fsn_json_put_text_or_null(json, "program", peer->program[0] != 0 ? peer->program : NULL);
+    fsn_json_put_text(json, "user", peer->user[0] != 0 ? peer->user : NULL);
+    fsn_json_put_text(json, "program", peer->program[0] != 0 ? peer->program : NULL);
 }
 
 const char *fsn_peer_text(const struct fsn_peer *peer, char room[FSN_PEER_TEXT_BYTES]) {

@@ -169,9 +169,7 @@ static void subdevice_event(struct fsn_changes *changes, uint32_t number,
     fsn_json_put_u64(json, "al_code", after->al_code);
     fsn_json_put_u64(json, "found_code", after->found);
     fsn_json_put_text(json, "found", fsn_found_text(after->found));
-    fsn_json_put_u64(json, "fsoe_address", after->fsoe_address);
-    fsn_json_put_text(json, "detail", after->detail);
-    fsn_json_put_u64(json, "returns", after->returns);
+    FSN_JSON_PUT(json, after, fsoe_address, detail, returns);
     fsn_json_put_bytes(json, "link", after->link, FSN_PORTS);
     char code[120] = "";
     if ((after->al_status & FSN_AL_ERROR) != 0) {

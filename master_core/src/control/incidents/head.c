@@ -33,7 +33,7 @@ static void put_base64(struct fsn_json *json, const char *key, const uint8_t *by
 }
 
 static void put_or_null(struct fsn_json *json, const char *key, const char *text) {
-    fsn_json_put_text_or_null(json, key, text[0] != 0 ? text : NULL);
+    fsn_json_put_text(json, key, text[0] != 0 ? text : NULL);
 }
 
 static void put_fault(struct fsn_json *json, const struct fsn_plan *plan,
@@ -43,7 +43,7 @@ static void put_fault(struct fsn_json *json, const struct fsn_plan *plan,
                        fsn_plan_subdevice(plan, fault->copy_index, &info) == FSN_OK;
     fsn_json_put_open(json, "fault", '{');
     fsn_json_put_text(json, "status", fsn_status_name(fault->status));
-    fsn_json_put_text_or_null(json, "subdevice", named ? info.name : NULL);
+    fsn_json_put_text(json, "subdevice", named ? info.name : NULL);
     fsn_json_put_bool(json, "link_down", fault->link_down);
     fsn_json_close(json, '}');
 }
@@ -59,9 +59,7 @@ static void put_trigger(struct fsn_json *json, const struct fsn_plan *plan,
     put_or_null(json, "reset_by", p->reset_by);
     fsn_json_put_u64(json, "reset_code", p->reset_code);
     put_or_null(json, "reset_text", p->reset_text);
-    fsn_json_put_u64(json, "cycle", p->cycle);
-    fsn_json_put_u64(json, "now_ns", p->now_ns);
-    fsn_json_put_text(json, "text", p->text);
+    FSN_JSON_PUT(json, p, cycle, now_ns, text);
     if (p->has_fault) {
         put_fault(json, plan, &p->fault);
     }
@@ -88,21 +86,15 @@ void fsn_incident_head(struct fsn_incidents *in, struct fsn_json *json) {
     fsn_json_put_u64(json, "incident", 1);
     fsn_json_put_text(json, "utc", utc);
     fsn_json_put_text(json, "version", fsn_version());
-    fsn_json_put_text(json, "backend", status.backend);
-    fsn_json_put_text_or_null(json, "interface", status.interface);
-    fsn_json_put_text(json, "plan_file", status.plan_file);
+    FSN_JSON_PUT(json, &status, backend, interface, plan_file);
     fsn_json_put_text(json, "plan_sha256", view->sha256);
     fsn_json_put_u64(json, "cycle_ns", status.cycle_ns);
     put_trigger(json, view->plan, &in->pending);
     fsn_report_last_cycle(view, json);
     fsn_report_ring(view, json);
     fsn_report_clocks(view, json);
-    fsn_json_key(json, "layout");
-    if (view->core == NULL) {
-        fsn_json_null(json);
-    } else {
+    if (fsn_json_put_object(json, "layout", view->core != NULL)) {
         struct fsn_page whole = {0};
-        fsn_json_open(json, '{');
         (void)fsn_report_layout(view, &whole, json);
         fsn_json_close(json, '}');
     }

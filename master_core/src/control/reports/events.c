@@ -4,23 +4,11 @@
 #include <stdio.h>
 
 #include "control/base/clock.h"
+#include "control/base/names.h"
 
 static void put_head(struct fsn_events *events) {
-    struct fsn_json *json = &events->json;
-    char utc[32];
-    fsn_utc_text(events->at_ns, utc);
-    fsn_json_open(json, '{');
-    fsn_json_put_text(json, "event", events->name);
-    fsn_json_put_text(json, "utc", utc);
-    fsn_json_put_u64(json, "now_ns", events->at_ns);
-}
-
-static void put_tail(struct fsn_events *events, enum fsn_log_level level, const char *text) {
-    static const char *const level_name[] = {"detail", "info", "warning", "error"};
-    struct fsn_json *json = &events->json;
-    fsn_json_put_text(json, "level", level_name[level]);
-    fsn_json_put_text(json, "text", text);
-    fsn_json_close(json, '}');
+    fsn_json_begin_event(&events->json, events->name, events->at_ns);
+    fsn_json_put_u64(&events->json, "now_ns", events->at_ns);
 }
 
 struct fsn_json *fsn_event_begin(struct fsn_events *events, const char *name, uint64_t at_ns) {
@@ -47,12 +35,12 @@ void fsn_event_send(struct fsn_events *events, enum fsn_log_level level, const c
     va_end(arguments);
     const struct fsn_control_host *host = events->host;
     struct fsn_json *json = &events->json;
-    put_tail(events, level, text);
+    fsn_json_end_event(json, fsn_log_level_name(level), text);
     if (json->failed != FSN_OK) { /* too long: without its keys it fits into the memory */
         fsn_json_clear(json);
         put_head(events);
         fsn_json_put_bool(json, "cut", true);
-        put_tail(events, level, text);
+        fsn_json_end_event(json, fsn_log_level_name(level), text);
     }
     if (json->failed != FSN_OK) {
         host->log(host->self, level, events->account, text, "{}", 2);

@@ -44,9 +44,8 @@ void fsn_report_groups(struct fsn_bus_view *view, struct fsn_json *json) {
         const struct fsn_group_info info = fsn_known_group(view->plan, n);
         const enum fsn_group_state state = fsn_group_state(view->plan, n, view->subdevice);
         fsn_json_open(json, '{');
-        fsn_json_put_text(json, "name", info.name);
-        fsn_json_put_text(json, "place", info.place);
-        fsn_json_put_text_or_null(json, "state", known ? fsn_group_text(state) : NULL);
+        FSN_JSON_PUT(json, &info, name, place);
+        fsn_json_put_text(json, "state", known ? fsn_group_text(state) : NULL);
         fsn_json_put_text(json, "detail", view->subdevice[info.first_subdevice].detail);
         fsn_json_close(json, '}');
     }

@@ -21,10 +21,7 @@ static void percentiles(struct fsn_json *json, const struct fsn_histogram *histo
 static void put_histogram(struct fsn_json *json, const char *key,
                           const struct fsn_histogram *histogram) {
     fsn_json_put_open(json, key, '{');
-    fsn_json_put_u64(json, "count", histogram->count);
-    fsn_json_put_u64(json, "sum_ns", histogram->sum_ns);
-    fsn_json_put_u64(json, "min_ns", histogram->min_ns);
-    fsn_json_put_u64(json, "max_ns", histogram->max_ns);
+    FSN_JSON_PUT(json, histogram, count, sum_ns, min_ns, max_ns);
     percentiles(json, histogram);
     fsn_json_put_open(json, "buckets", '[');
     for (uint32_t i = 0; i < FSN_BUCKETS; i++) {
@@ -40,22 +37,12 @@ static void put_histogram(struct fsn_json *json, const char *key,
 }
 
 static void put_statistics(struct fsn_json *json, const struct fsn_statistics *s) {
-    fsn_json_put_open(json, "statistics", '{');
-    fsn_json_put_u64(json, "cycles", s->cycles);
-    fsn_json_put_u64(json, "overruns", s->overruns);
-    fsn_json_put_u64(json, "wkc_errors", s->wkc_errors);
+    FSN_JSON_PUT(json, s, cycles, overruns, wkc_errors);
 #define PUT(name) fsn_json_put_u64(json, #name, s->counts.name);
     FSN_FRAME_COUNT_TABLE(PUT)
 #undef PUT
-    fsn_json_put_u64(json, "send_errno", s->send_errno);
-    fsn_json_put_u64(json, "bytes_copied", s->bytes_copied);
-    fsn_json_put_u64(json, "now_ns", s->now_ns);
-    fsn_json_put_u64(json, "dc_time_ns", s->dc_time_ns);
-    fsn_json_put_u64(json, "events_lost", s->events_lost);
-    fsn_json_put_u64(json, "expected_wkc", s->expected_wkc);
-    fsn_json_put_u64(json, "actual_wkc", s->actual_wkc);
-    fsn_json_put_u64(json, "copies", s->copies);
-    fsn_json_put_u64(json, "merged_copies", s->merged_copies);
+    FSN_JSON_PUT(json, s, send_errno, bytes_copied, now_ns, dc_time_ns, events_lost);
+    FSN_JSON_PUT(json, s, expected_wkc, actual_wkc, copies, merged_copies);
     fsn_json_put_bool(json, "realtime", s->realtime != 0);
     fsn_json_put_bool(json, "locked", s->locked != 0);
     put_histogram(json, "latency", &s->latency);
@@ -69,21 +56,10 @@ static void put_statistics(struct fsn_json *json, const struct fsn_statistics *s
 
 static void put_direction(struct fsn_json *json, const char *key, const struct fsn_direction *d) {
     fsn_json_put_open(json, key, '{');
-    fsn_json_put_u64(json, "frames", d->frames);
-    fsn_json_put_u64(json, "process_data", d->process_data);
-    fsn_json_put_u64(json, "failsafe_data", d->failsafe_data);
-    fsn_json_put_u64(json, "right", d->right);
-    fsn_json_put_u64(json, "wrong", d->wrong);
-    fsn_json_put_u64(json, "unchecked", d->unchecked);
-    fsn_json_put_u64(json, "resets", d->resets);
-    fsn_json_put_u64(json, "last_new_ns", d->last_new_ns);
-    fsn_json_put_u64(json, "interval_last_ns", d->interval_last_ns);
-    fsn_json_put_u64(json, "interval_min_ns", d->interval_min_ns);
-    fsn_json_put_u64(json, "interval_max_ns", d->interval_max_ns);
-    fsn_json_put_u64(json, "interval_sum_ns", d->interval_sum_ns);
-    fsn_json_put_u64(json, "intervals", d->intervals);
-    fsn_json_put_u64(json, "connection_id", d->connection_id);
-    fsn_json_put_u64(json, "command", d->command);
+    FSN_JSON_PUT(json, d, frames, process_data, failsafe_data, right, wrong, unchecked);
+    FSN_JSON_PUT(json, d, resets, last_new_ns, interval_last_ns, interval_min_ns, interval_max_ns,
+                 interval_sum_ns);
+    FSN_JSON_PUT(json, d, intervals, connection_id, command);
     fsn_json_put_text(json, "command_text", fsn_command_name(d->command));
     fsn_json_put_u64(json, "reset_code", d->reset_code);
     const bool has_reset = d->resets > 0 || d->command == FSN_CMD_RESET;
@@ -95,8 +71,7 @@ static void put_connection(struct fsn_bus_view *view, struct fsn_json *json, uin
     const struct fsn_connection_info info = fsn_known_connection(view->plan, number);
     const struct fsn_connection_status *status = &view->connections[number];
     fsn_json_open(json, '{');
-    fsn_json_put_text(json, "name", info.name);
-    fsn_json_put_text(json, "net", info.net);
+    FSN_JSON_PUT(json, &info, name, net);
     fsn_report_name(view, json, "main", info.main_subdevice);
     fsn_report_name(view, json, "sub", info.sub_subdevice);
     fsn_json_put_u64(json, "observed_state", status->observed);
@@ -130,11 +105,8 @@ static void put_snapshot(struct fsn_bus_view *view, struct fsn_page *page, struc
                          bool taken) {
     const uint32_t connections = taken ? fsn_plan_connection_count(view->plan) : 0;
     fsn_report_fingerprint(view, json);
-    if (taken) {
+    if (fsn_json_put_object(json, "statistics", taken)) {
         put_statistics(json, &view->statistics);
-    } else {
-        fsn_json_key(json, "statistics");
-        fsn_json_null(json);
     }
     fsn_json_put_open(json, "connections", '[');
     for (uint32_t i = 0; i < connections; i++) {

@@ -15,12 +15,11 @@ void fsn_report_fingerprint(struct fsn_bus_view *view, struct fsn_json *json) {
     fsn_json_put_open(json, "fingerprint", '{');
     fsn_json_put_text(json, "form", FSN_FINGERPRINT_FORM);
     fsn_json_put_text(json, "short", code);
-    fsn_json_key(json, "whole");
-    fsn_json_hex(json, made->whole, sizeof made->whole);
+    fsn_json_put_hex(json, "whole", made->whole, sizeof made->whole);
     fsn_json_put_open(json, "sections", '{');
     for (uint32_t i = 0; i < FSN_FINGERPRINT_SECTIONS; i++) {
-        fsn_json_key(json, fsn_fingerprint_section(i));
-        fsn_json_hex(json, made->section[i], sizeof made->section[i]);
+        fsn_json_put_hex(json, fsn_fingerprint_section(i), made->section[i],
+                         sizeof made->section[i]);
     }
     fsn_json_close(json, '}');
     fsn_json_put_text(json, "version", fsn_version());
@@ -52,44 +51,30 @@ static void short_subdevices(struct fsn_bus_view *view, struct fsn_json *json) {
 void fsn_report_ring_keys(const struct fsn_bus_ring *ring, struct fsn_json *json) {
     fsn_json_put_text(json, "state", fsn_ring_text(ring->state));
     fsn_json_put_bytes(json, "ways", ring->ways, sizeof ring->ways);
-    fsn_json_put_u64(json, "breaks", ring->breaks);
-    fsn_json_put_text(json, "place", ring->place);
+    FSN_JSON_PUT(json, ring, breaks, place);
 }
 
 void fsn_report_ring(struct fsn_bus_view *view, struct fsn_json *json) {
     struct fsn_bus_ring ring;
-    if (view->core == NULL || fsn_core_ring(view->core, &ring) != FSN_OK) {
-        fsn_json_put_text_or_null(json, "ring", NULL);
-        return;
+    if (fsn_json_put_object(json, "ring", fsn_core_ring(view->core, &ring) == FSN_OK)) {
+        fsn_report_ring_keys(&ring, json);
+        fsn_json_close(json, '}');
     }
-    fsn_json_put_open(json, "ring", '{');
-    fsn_report_ring_keys(&ring, json);
-    fsn_json_close(json, '}');
 }
 
 void fsn_report_clocks_keys(const struct fsn_bus_clocks *clocks, struct fsn_json *json) {
     fsn_json_put_text(json, "state", fsn_clocks_text(clocks->state));
     fsn_json_put_text(json, "set_by", clocks->host ? "host" : "bus");
-    fsn_json_put_text(json, "reference", clocks->reference);
-    fsn_json_put_u64(json, "subdevices", clocks->subdevices);
-    fsn_json_put_u64(json, "outside", clocks->outside);
-    fsn_json_put_u64(json, "leaves", clocks->leaves);
-    fsn_json_put_u64(json, "window_ns", clocks->window_ns);
-    fsn_json_put_u64(json, "worst_ns", clocks->worst_ns);
-    fsn_json_put_u64(json, "shift_ns", clocks->shift_ns);
-    fsn_json_put_u64(json, "lead_ns", clocks->lead_ns);
-    fsn_json_put_text(json, "place", clocks->place);
+    FSN_JSON_PUT(json, clocks, reference, subdevices, outside, leaves, window_ns);
+    FSN_JSON_PUT(json, clocks, worst_ns, shift_ns, lead_ns, place);
 }
 
 void fsn_report_clocks(struct fsn_bus_view *view, struct fsn_json *json) {
     struct fsn_bus_clocks clocks;
-    if (view->core == NULL || fsn_core_clocks(view->core, &clocks) != FSN_OK) {
-        fsn_json_put_text_or_null(json, "clocks", NULL);
-        return;
+    if (fsn_json_put_object(json, "clocks", fsn_core_clocks(view->core, &clocks) == FSN_OK)) {
+        fsn_report_clocks_keys(&clocks, json);
+        fsn_json_close(json, '}');
     }
-    fsn_json_put_open(json, "clocks", '{');
-    fsn_report_clocks_keys(&clocks, json);
-    fsn_json_close(json, '}');
 }
 
 /** Number of connections with known parameters, and of those that differ from the plan. */
@@ -109,17 +94,11 @@ static void put_parameters(struct fsn_bus_view *view, struct fsn_json *json, boo
 
 static void put_cycle(struct fsn_bus_view *view, struct fsn_json *json) {
     struct fsn_statistics *s = &view->statistics;
-    *s = (struct fsn_statistics){0};
-    const bool taken =
-        view->core != NULL && fsn_core_snapshot(view->core, s, view->connections, NULL) == FSN_OK;
+    const bool taken = fsn_core_snapshot(view->core, s, view->connections, NULL) == FSN_OK;
     if (!taken) {
         *s = (struct fsn_statistics){0};
     }
-    fsn_json_put_u64(json, "cycles", s->cycles);
-    fsn_json_put_u64(json, "overruns", s->overruns);
-    fsn_json_put_u64(json, "wkc_errors", s->wkc_errors);
-    fsn_json_put_u64(json, "expected_wkc", s->expected_wkc);
-    fsn_json_put_u64(json, "actual_wkc", s->actual_wkc);
+    FSN_JSON_PUT(json, s, cycles, overruns, wkc_errors, expected_wkc, actual_wkc);
     fsn_json_put_bool(json, "realtime", s->realtime != 0);
     fsn_json_put_bool(json, "locked", s->locked != 0);
     put_parameters(view, json, taken);
@@ -136,22 +115,18 @@ static void put_buses(struct fsn_bus_view *view, const struct fsn_control_status
     for (uint32_t n = 0; n < count; n++) {
         struct fsn_bus_info info;
         struct fsn_statistics *s = &view->statistics;
-        *s = (struct fsn_statistics){0};
-        if (fsn_plan_bus(view->plan, n, &info) != FSN_OK || view->core == NULL ||
+        if (fsn_plan_bus(view->plan, n, &info) != FSN_OK ||
             fsn_core_bus(view->core, n, s) != FSN_OK) {
             *s = (struct fsn_statistics){0};
         }
         fsn_json_open(json, '{');
         fsn_json_put_text(json, "name", info.name);
-        fsn_json_put_text_or_null(
-            json, "interface", status->bus_interfaces != NULL ? status->bus_interfaces[n] : NULL);
+        fsn_json_put_text(json, "interface",
+                          status->bus_interfaces != NULL ? status->bus_interfaces[n] : NULL);
         fsn_json_put_u64(json, "cycle_ns", info.cycle_ns);
-        fsn_json_put_u64(json, "cycles", s->cycles);
-        fsn_json_put_u64(json, "overruns", s->overruns);
-        fsn_json_put_u64(json, "wkc_errors", s->wkc_errors);
+        FSN_JSON_PUT(json, s, cycles, overruns, wkc_errors);
         fsn_json_put_u64(json, "lost_frames", s->counts.lost_frames);
-        fsn_json_put_u64(json, "expected_wkc", s->expected_wkc);
-        fsn_json_put_u64(json, "actual_wkc", s->actual_wkc);
+        FSN_JSON_PUT(json, s, expected_wkc, actual_wkc);
         fsn_json_put_bool(json, "realtime", s->realtime != 0);
         fsn_json_close(json, '}');
     }
@@ -159,58 +134,39 @@ static void put_buses(struct fsn_bus_view *view, const struct fsn_control_status
 }
 
 void fsn_report_interventions(const struct fsn_interventions *log, struct fsn_json *json) {
-    fsn_json_put_text(json, "folder", log->folder);
-    fsn_json_put_u64(json, "entry", log->entry);
-    fsn_json_put_text_or_null(json, "hash", log->hash[0] != 0 ? log->hash : NULL);
-    fsn_json_put_u64(json, "waiting", log->waiting);
-    fsn_json_put_u64(json, "lost", log->lost);
-    fsn_json_put_u64(json, "bytes", log->bytes);
-    fsn_json_put_u64(json, "limit_bytes", log->limit_bytes);
-    fsn_json_put_bool(json, "limited", log->limited);
-    fsn_json_put_text_or_null(json, "error", log->error);
+    FSN_JSON_PUT(json, log, folder, entry);
+    fsn_json_put_text(json, "hash", log->hash[0] != 0 ? log->hash : NULL);
+    FSN_JSON_PUT(json, log, waiting, lost, bytes, limit_bytes, limited, error);
 }
 
 /** The required record, and its signers. */
 static void put_acceptance(const struct fsn_control_status *status, struct fsn_json *json) {
-    if (status->acceptance == NULL) {
-        fsn_json_put_text_or_null(json, "acceptance", NULL);
-        return;
+    if (fsn_json_put_object(json, "acceptance", status->acceptance != NULL)) {
+        fsn_json_put_text(json, "record", status->acceptance);
+        fsn_json_put_text(json, "said", status->acceptance_said);
+        fsn_json_close(json, '}');
     }
-    fsn_json_put_open(json, "acceptance", '{');
-    fsn_json_put_text(json, "record", status->acceptance);
-    fsn_json_put_text_or_null(json, "said", status->acceptance_said);
-    fsn_json_close(json, '}');
 }
 
 static void put_interventions(const struct fsn_interventions *log, struct fsn_json *json) {
-    if (log == NULL) {
-        fsn_json_put_text_or_null(json, "interventions", NULL);
-        return;
+    if (fsn_json_put_object(json, "interventions", log != NULL)) {
+        fsn_report_interventions(log, json);
+        fsn_json_close(json, '}');
     }
-    fsn_json_put_open(json, "interventions", '{');
-    fsn_report_interventions(log, json);
-    fsn_json_close(json, '}');
 }
 
 static void put_standby(const struct fsn_control_status *status, struct fsn_json *json) {
-    if (status->standby_pid == 0) {
-        fsn_json_put_text_or_null(json, "standby", NULL);
-        return;
+    if (fsn_json_put_object(json, "standby", status->standby_pid != 0)) {
+        fsn_json_put_u64(json, "pid", (uint64_t)status->standby_pid);
+        fsn_json_put_bool(json, "held", status->standby_held);
+        fsn_json_close(json, '}');
     }
-    fsn_json_put_open(json, "standby", '{');
-    fsn_json_put_u64(json, "pid", (uint64_t)status->standby_pid);
-    fsn_json_put_bool(json, "held", status->standby_held);
-    fsn_json_close(json, '}');
 }
 
 void fsn_report_status(struct fsn_bus_view *view, uint32_t clients, struct fsn_json *json) {
     const struct fsn_control_status status = fsn_program_status(view->host);
     fsn_json_put_text(json, "state", fsn_program_state_name(status.state));
-    fsn_json_put_text_or_null(json, "fault", status.fault);
-    fsn_json_put_text(json, "backend", status.backend);
-    fsn_json_put_text_or_null(json, "interface", status.interface);
-    fsn_json_put_text_or_null(json, "redundant", status.redundant);
-    fsn_json_put_bool(json, "xdp", status.xdp);
+    FSN_JSON_PUT(json, &status, fault, backend, interface, redundant, xdp);
     fsn_json_put_text(json, "plan", status.plan_file);
     fsn_json_put_text(json, "plan_sha256", view->sha256);
     fsn_report_fingerprint(view, json);
@@ -219,9 +175,7 @@ void fsn_report_status(struct fsn_bus_view *view, uint32_t clients, struct fsn_j
     put_acceptance(&status, json);
     put_interventions(status.interventions, json);
     fsn_json_put_u64(json, "uptime_ns", fsn_now_ns() - status.started_ns);
-    fsn_json_put_u64(json, "cycle_ns", status.cycle_ns);
-    fsn_json_put_bool(json, "free_run", status.free_run);
-    fsn_json_put_text(json, "policy", status.policy);
+    FSN_JSON_PUT(json, &status, cycle_ns, free_run, policy);
     fsn_json_put_u64(json, "priority", (uint64_t)status.priority);
     fsn_json_put_known(json, "cpu", status.cpu > 0, (uint64_t)status.cpu - 1);
     put_cycle(view, json);
@@ -240,9 +194,7 @@ static void one_subdevice(struct fsn_bus_view *view, uint32_t number, struct fsn
     char al[24];
     fsn_json_open(json, '{');
     fsn_json_put_u64(json, "number", number);
-    fsn_json_put_text(json, "name", info.name);
-    fsn_json_put_u64(json, "alias", info.alias);
-    fsn_json_put_u64(json, "position", info.position);
+    FSN_JSON_PUT(json, &info, name, alias, position);
     if (fsn_plan_bus_count(view->plan) > 1) {
         fsn_json_put_u64(json, "bus", fsn_plan_bus_of(view->plan, number));
     }
@@ -256,17 +208,10 @@ static void one_subdevice(struct fsn_bus_view *view, uint32_t number, struct fsn
     if (known) {
         seen.detail[FSN_DETAIL_BYTES - 1] = 0;
         fsn_json_put_text(json, "al", fsn_al_text(seen.al_status, al));
-        fsn_json_put_u64(json, "al_status", seen.al_status);
-        fsn_json_put_u64(json, "al_code", seen.al_code);
-        fsn_json_put_u64(json, "found", seen.found);
+        FSN_JSON_PUT(json, &seen, al_status, al_code, found);
         fsn_json_put_text(json, "found_text", fsn_found_text(seen.found));
-        fsn_json_put_text(json, "detail", seen.detail);
-        fsn_json_put_u64(json, "vendor_id", seen.vendor_id);
-        fsn_json_put_u64(json, "product_code", seen.product_code);
-        fsn_json_put_u64(json, "revision", seen.revision);
-        fsn_json_put_u64(json, "fsoe_address", seen.fsoe_address);
-        fsn_json_put_bool(json, "link_down", seen.link_down);
-        fsn_json_put_u64(json, "returns", seen.returns);
+        FSN_JSON_PUT(json, &seen, detail, vendor_id, product_code, revision, fsoe_address,
+                     link_down, returns);
         fsn_json_put_bytes(json, "link", seen.link, FSN_PORTS);
         fsn_json_put_bytes(json, "link_lost", seen.link_lost, FSN_PORTS);
         fsn_json_put_bytes(json, "rx_errors", seen.rx_errors, FSN_PORTS);
@@ -299,8 +244,7 @@ static void one_symbol(struct fsn_bus_view *view, uint32_t number, struct fsn_js
     fsn_json_put_text(json, "name", info.name);
     fsn_json_put_text(json, "subdevice", fsn_symbol_subdevice(view->plan, &info));
     fsn_json_put_text(json, "direction", info.output != 0 ? "output" : "input");
-    fsn_json_put_u64(json, "index", object.index);
-    fsn_json_put_u64(json, "subindex", object.subindex);
+    FSN_JSON_PUT(json, &object, index, subindex);
     fsn_json_put_text(json, "type", fsn_value_type(&info));
     fsn_json_put_u64(json, "bits", info.bits);
     fsn_json_key(json, "factor");

@@ -220,10 +220,7 @@ void fsn_report_realtime(const struct fsn_services *services, struct fsn_json *j
         fsn_json_put_u64(json, "outputs", seen.count);
         fsn_json_put_u64(json, "misses", seen.misses);
         fsn_json_put_text(json, "state", seen.count == 0 ? "reads" : states[seen.state]);
-        fsn_json_put_u64(json, "on_time", seen.on_time);
-        fsn_json_put_u64(json, "late", seen.late);
-        fsn_json_put_u64(json, "missed", seen.missed);
-        fsn_json_put_u64(json, "torn", seen.torn);
+        FSN_JSON_PUT(json, &seen, on_time, late, missed, torn);
         fsn_json_close(json, '}');
     }
     if (any) {

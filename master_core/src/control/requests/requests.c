@@ -133,7 +133,7 @@ static void report_granted(struct fsn_request *request) {
     fsn_client_put_peer(request->client, json);
     fsn_json_put_text(json, "request", request->name);
     put_arguments(request, FSN_LINE_BYTES, json);
-    fsn_json_put_text_or_null(json, "error", NULL);
+    fsn_json_put_text(json, "error", NULL);
     fsn_event_send(events, FSN_LOG_INFO, "%s requests %s", fsn_client_text(request->client, who),
                    request_text(request, words, sizeof words));
 }

@@ -51,10 +51,8 @@ static void put_values(struct fsn_bus_view *view, const struct fsn_stream *strea
 }
 
 static void put_image(struct fsn_bus_view *view, struct fsn_json *json) {
-    fsn_json_put_u64(json, "expected_wkc", view->recorded.record.expected_wkc);
-    fsn_json_put_u64(json, "actual_wkc", view->recorded.record.actual_wkc);
-    fsn_json_key(json, "image");
-    fsn_json_hex(json, view->recorded.image, fsn_core_image_bytes(view->core));
+    FSN_JSON_PUT(json, &view->recorded.record, expected_wkc, actual_wkc);
+    fsn_json_put_hex(json, "image", view->recorded.image, fsn_core_image_bytes(view->core));
 }
 
 /** Writes the taken cycle as one line. */
@@ -65,8 +63,7 @@ static void put_line(struct fsn_services *services, struct fsn_client *client) {
     fsn_json_clear(json);
     fsn_json_open(json, '{');
     fsn_json_put_text(json, "event", stream->image ? "image" : "values");
-    fsn_json_put_u64(json, "cycle", view->recorded.record.cycle);
-    fsn_json_put_u64(json, "now_ns", view->recorded.record.now_ns);
+    FSN_JSON_PUT(json, &view->recorded.record, cycle, now_ns);
     if (stream->skipped > 0) {
         fsn_json_put_u64(json, "skipped", stream->skipped);
     }

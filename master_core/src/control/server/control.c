@@ -149,12 +149,11 @@ static void report_written(struct fsn_control *control, const struct fsn_job *jo
         fsn_json_put_u64(json, "alias", job->alias);
         snprintf(what, sizeof what, "alias %u", (unsigned)job->alias);
     } else {
-        fsn_json_put_u64(json, "index", job->index);
-        fsn_json_put_u64(json, "sub", job->sub);
+        FSN_JSON_PUT(json, job, index, sub);
         fsn_json_put_hex(json, "data", job->data, job->data_bytes);
         snprintf(what, sizeof what, "0x%04x:%02x", (unsigned)job->index, (unsigned)job->sub);
     }
-    fsn_json_put_text_or_null(json, "error", done ? NULL : fsn_status_name(job->status));
+    fsn_json_put_text(json, "error", done ? NULL : fsn_status_name(job->status));
     fsn_event_send(&services->events, done ? FSN_LOG_INFO : FSN_LOG_WARNING,
                    "SubDevice %.120s, %s: %s%s, for client %u", name, what,
                    done ? "written" : "not written: ", done ? "" : job->refusal.text,

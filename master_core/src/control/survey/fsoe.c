@@ -136,12 +136,7 @@ static bool read_found(struct fsn_surveyed *of, struct found *found) {
 /* -- writing -------------------------------------------------------------------------------- */
 
 static void put_addresses(const struct found *found, struct fsn_json *json) {
-    fsn_json_key(json, "address");
-    if (found->addresses > 0) {
-        fsn_json_u64(json, found->address[0]);
-    } else {
-        fsn_json_null(json);
-    }
+    fsn_json_put_known(json, "address", found->addresses > 0, found->address[0]);
     if (found->addresses > 1) {
         fsn_json_put_open(json, "addresses", '[');
         for (uint32_t i = 0; i < found->addresses; i++) {
@@ -190,15 +185,10 @@ static void put_found(struct fsn_surveyed *of, const struct found *found, struct
 
 void fsn_survey_fsoe(struct fsn_surveyed *of, struct fsn_json *json) {
     struct found found;
-    const bool any = read_found(of, &found);
-    fsn_json_key(json, "fsoe");
-    if (!any) {
-        fsn_json_null(json);
-        return;
+    if (fsn_json_put_object(json, "fsoe", read_found(of, &found))) {
+        put_found(of, &found, json);
+        fsn_json_close(json, '}');
     }
-    fsn_json_open(json, '{');
-    put_found(of, &found, json);
-    fsn_json_close(json, '}');
 }
 
 /** Records the FSoE frames that a plan has on a SubDevice. */

@@ -136,12 +136,11 @@ static void put_name(struct fsn_surveyed *of, struct fsn_json *json) {
 static void put_state(struct fsn_surveyed *of, struct fsn_json *json) {
     char room[24];
     const struct fsn_bus_member *m = &of->member;
+    fsn_json_put_u64(json, "al_status", m->al_status);
     if (m->al_status == FSN_AL_NONE) {
-        fsn_json_put_u64(json, "al_status", FSN_AL_NONE);
         fsn_survey_problem(of, "it does not answer");
         return;
     }
-    fsn_json_put_u64(json, "al_status", m->al_status);
     fsn_json_put_text(json, "al", fsn_al_text(m->al_status, room));
     fsn_json_put_u64(json, "al_code", m->al_code);
     if ((m->al_status & FSN_AL_ERROR) != 0) {
@@ -184,12 +183,10 @@ static void put_ports(const struct fsn_surveyed *of, struct fsn_json *json) {
 }
 
 static void put_end(const struct fsn_surveyed *of, struct fsn_json *json) {
-    fsn_json_key(json, "planned");
-    if (of->survey->plan != NULL && of->member.subdevice != FSN_NONE) {
-        fsn_json_text(json, fsn_known_subdevice(of->survey->plan, of->member.subdevice).name);
-    } else {
-        fsn_json_null(json);
-    }
+    const bool planned = of->survey->plan != NULL && of->member.subdevice != FSN_NONE;
+    fsn_json_put_text(json, "planned",
+                      planned ? fsn_known_subdevice(of->survey->plan, of->member.subdevice).name
+                              : NULL);
     fsn_json_put_open(json, "problems", '[');
     for (uint32_t i = 0; i < of->problems; i++) {
         fsn_json_text(json, of->problem[i]);
@@ -215,8 +212,7 @@ static bool put_subdevice(const struct fsn_survey *survey, uint32_t position, ui
     }
     fsn_json_open(json, '{');
     fsn_json_put_u64(json, "position", position);
-    fsn_json_put_u64(json, "alias", m->alias);
-    fsn_json_put_u64(json, "station", m->station);
+    FSN_JSON_PUT(json, m, alias, station);
     put_identity(&of, json);
     put_name(&of, json);
     put_state(&of, json);

@@ -251,8 +251,7 @@ void fsn_survey_sms(struct fsn_surveyed *of, struct fsn_json *json) {
             put_process_data(of, json, sm);
         } else {
             if (sm->placed) {
-                fsn_json_put_u64(json, "start", sm->start);
-                fsn_json_put_u64(json, "bytes", sm->bytes);
+                FSN_JSON_PUT(json, sm, start, bytes);
             }
             fsn_json_put_text(json, "source", "sii");
             fsn_json_put_open(json, "pdos", '[');
