@@ -86,21 +86,15 @@ static int assign(const char *text) {
 
 static int check_options(const struct options *o) {
     static const char one[] = "goes with a plan of one bus";
-    if (o->redundant != NULL) {
-        return options_wrong("--redundant", o->redundant, one);
-    }
-    if (o->free_run) {
-        return options_wrong("--free-run", NULL, one);
-    }
-    if (o->take_over || o->standby) {
-        return options_wrong(o->standby ? "--standby" : "--take-over", NULL, one);
-    }
-    if (o->policy == POLICY_DEADLINE) {
-        return options_wrong("--policy", "deadline", one);
-    }
-    return o->cycle_ns != fsn_plan_cycle_ns(all.plan)
-               ? options_wrong("--cycle", NULL, "of several buses the plan states the cycles")
-               : -1;
+    const struct options_rule rules[] = {
+        {o->redundant != NULL, "--redundant", o->redundant, one},
+        {o->free_run, "--free-run", NULL, one},
+        {o->take_over || o->standby, o->standby ? "--standby" : "--take-over", NULL, one},
+        {o->policy == POLICY_DEADLINE, "--policy", "deadline", one},
+        {o->cycle_ns != fsn_plan_cycle_ns(all.plan), "--cycle", NULL,
+         "of several buses the plan states the cycles"},
+    };
+    return options_check(rules, sizeof rules / sizeof rules[0]);
 }
 
 static int check_interfaces(void) {
@@ -123,14 +117,14 @@ static int check_interfaces(void) {
 }
 
 int buses_check_groups(const struct options *o, const struct fsn_plan *plan) {
-    if (fsn_plan_group_count(plan) == 0 || (o->redundant == NULL && !o->take_over && !o->standby)) {
-        return -1;
-    }
-    const char *option = o->standby ? "--standby" : "--take-over";
-    if (o->redundant != NULL) {
-        option = "--redundant";
-    }
-    return options_wrong(option, NULL, "the plan has groups that may be absent");
+    static const char text[] = "the plan has groups that may be absent";
+    const bool groups = fsn_plan_group_count(plan) > 0;
+    const struct options_rule rules[] = {
+        {groups && o->redundant != NULL, "--redundant", NULL, text},
+        {groups && o->standby, "--standby", NULL, text},
+        {groups && o->take_over, "--take-over", NULL, text},
+    };
+    return options_check(rules, sizeof rules / sizeof rules[0]);
 }
 
 int buses_choose(struct options *options, const struct fsn_plan *plan,

@@ -4,6 +4,7 @@
 #include <getopt.h>
 #include <grp.h>
 #include <pwd.h>
+#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -106,359 +107,264 @@ static bool read_time(const char *text, uint64_t bare_ns, uint64_t *time_ns) {
     return true;
 }
 
-static bool read_number(const char *text, long least, long most, long *number) {
+/** An option, and where its value goes. */
+struct row {
+    const char *name;
+    int (*take)(const struct row *row, const char *text, struct options *o);
+    size_t at;            /**< in struct options */
+    uint64_t least, most; /**< of a number or a time */
+    const char *rule;
+    uint64_t bare_ns; /**< as in read_time() */
+};
+
+#define AT(field) .at = offsetof(struct options, field)
+
+/** Returns -1 where a condition holds, else the exit code. */
+static int require(bool holds, const struct row *row, const char *text, const char *rule) {
+    char option[32];
+    snprintf(option, sizeof option, "--%s", row->name);
+    return holds ? -1 : options_wrong(option, text, rule);
+}
+
+static void *value_of(const struct row *row, struct options *o) {
+    return (char *)o + row->at;
+}
+
+static int take_text(const struct row *row, const char *text, struct options *o) {
+    *(const char **)value_of(row, o) = text;
+    return -1;
+}
+
+static int take_flag(const struct row *row, const char *text, struct options *o) {
+    (void)text;
+    *(bool *)value_of(row, o) = true;
+    return -1;
+}
+
+/** Takes a number into an int or an unsigned. */
+static int take_number(const struct row *row, const char *text, struct options *o) {
     char *end = NULL;
-    if (!isdigit((unsigned char)*text)) {
-        return false;
-    }
-    *number = strtol(text, &end, 10);
-    return *end == 0 && *number >= least && *number <= most;
+    const unsigned long number = strtoul(text, &end, 10);
+    *(int *)value_of(row, o) = (int)number;
+    return require(isdigit((unsigned char)*text) && *end == 0 && number >= row->least &&
+                       number <= row->most,
+                   row, text, row->rule);
 }
 
-static int read_policy(const char *text, struct options *o) {
+static int take_cpu(const struct row *row, const char *text, struct options *o) {
+    const int code = take_number(row, text, o);
+    return code != -1 ? code
+                      : require(o->cpu++ < sysconf(_SC_NPROCESSORS_CONF), row, text,
+                                "this machine has no such CPU");
+}
+
+static int take_time(const struct row *row, const char *text, struct options *o) {
+    uint64_t *time_ns = value_of(row, o);
+    const bool valid =
+        read_time(text, row->bare_ns, time_ns) && *time_ns >= row->least && *time_ns <= row->most;
+    return require(valid, row, text, row->rule);
+}
+
+static int take_log(const struct row *row, const char *text, struct options *o) {
+    o->log_json = strcmp(text, "json") == 0;
+    return require(o->log_json || strcmp(text, "text") == 0, row, text, "text or json");
+}
+
+static int take_clock(const struct row *row, const char *text, struct options *o) {
+    o->dc_host = strcmp(text, "host") == 0;
+    return require(o->dc_host || strcmp(text, "bus") == 0, row, text, "bus or host");
+}
+
+static int take_policy(const struct row *row, const char *text, struct options *o) {
     static const char *const name[] = {"fifo", "deadline", "other"};
-    for (int i = 0; i < 3; i++) {
-        if (strcmp(text, name[i]) == 0) {
-            o->policy = (enum policy)i;
-            o->policy_given = true;
-            return -1;
-        }
+    o->policy = POLICY_FIFO;
+    while (o->policy < POLICY_OTHER && strcmp(text, name[o->policy]) != 0) {
+        o->policy++;
     }
-    return options_wrong("--policy", text, "fifo, deadline or other");
+    o->policy_given = true;
+    return require(strcmp(text, name[o->policy]) == 0, row, text, "fifo, deadline or other");
 }
 
-static int read_hash(const char *text, struct options *o) {
+static int take_hash(const struct row *row, const char *text, struct options *o) {
     const size_t hex = strspn(text, "0123456789abcdefABCDEF");
-    if (hex != 2 * FSN_SHA256_BYTES || text[hex] != 0) {
-        return options_wrong("--accepted", text, "a SHA-256 has 64 hexadecimal digits");
-    }
     o->accepted = text;
-    return -1;
+    return require(hex == 2 * FSN_SHA256_BYTES && text[hex] == 0, row, text,
+                   "a SHA-256 has 64 hexadecimal digits");
 }
 
-/** Reads NAME[:ROLE] of a user or group. */
-static int allow(const char *option, const char *text, bool group, struct options *o) {
-    char name[256];
-    const char *colon = strrchr(text, ':');
-    const enum fsn_role role = colon != NULL ? fsn_role_of(colon + 1) : FSN_OBSERVER;
-    const size_t len = colon != NULL ? (size_t)(colon - text) : strlen(text);
-    if (role == FSN_NO_ROLE) {
-        return options_wrong(option, text, "a role is observer, operator or maintainer");
-    }
-    snprintf(name, sizeof name, "%.*s", (int)(len < sizeof name ? len : sizeof name - 1), text);
-    const struct passwd *user = group ? NULL : getpwnam(name);
-    const struct group *members = group ? getgrnam(name) : NULL;
-    if (user == NULL && members == NULL) {
-        return options_wrong(option, text, group ? "unknown group" : "unknown user");
-    }
-    size_t *count = group ? &o->access.groups : &o->access.users;
-    if (*count == FSN_CONTROL_ALLOWED) {
-        return options_wrong(option, text,
-                             group ? "too many groups" : "too many; a group is better");
-    }
-    (group ? o->access.group : o->access.user)[(*count)++] =
-        (struct fsn_control_allowed){.id = group ? members->gr_gid : user->pw_uid, .role = role};
-    return -1;
+static int take_bus(const struct row *row, const char *text, struct options *o) {
+    o->bus = text;
+    return require(backend_is_known(text), row, text, "soem, igh or emulated");
 }
 
-static int take_interface(const char *text, struct options *o) {
+static int take_interface(const struct row *row, const char *text, struct options *o) {
     if (o->interface_count == MOST_BUSES) {
-        return options_wrong("--interface", text, "more than there can be buses");
+        return require(false, row, text, "more than there can be buses");
     }
     o->interfaces[o->interface_count++] = text;
     o->interface = o->interfaces[0];
     return -1;
 }
 
-static int read_log(const char *text, struct options *o) {
-    if (strcmp(text, "text") != 0 && strcmp(text, "json") != 0) {
-        return options_wrong("--log", text, "text or json");
+/** Reads NAME[:ROLE] of a user or group. */
+static int take_allowed(const struct row *row, const char *text, struct options *o) {
+    const bool group = row->at == offsetof(struct options, access.group);
+    char name[256];
+    const char *colon = strrchr(text, ':');
+    const enum fsn_role role = colon != NULL ? fsn_role_of(colon + 1) : FSN_OBSERVER;
+    const size_t len = colon != NULL ? (size_t)(colon - text) : strlen(text);
+    if (role == FSN_NO_ROLE) {
+        return require(false, row, text, "a role is observer, operator or maintainer");
     }
-    o->log_json = strcmp(text, "json") == 0;
+    snprintf(name, sizeof name, "%.*s", (int)(len < sizeof name ? len : sizeof name - 1), text);
+    const struct passwd *user = group ? NULL : getpwnam(name);
+    const struct group *members = group ? getgrnam(name) : NULL;
+    if (user == NULL && members == NULL) {
+        return require(false, row, text, group ? "unknown group" : "unknown user");
+    }
+    size_t *count = group ? &o->access.groups : &o->access.users;
+    if (*count == FSN_CONTROL_ALLOWED) {
+        return require(false, row, text, group ? "too many groups" : "too many; a group is better");
+    }
+    (group ? o->access.group : o->access.user)[(*count)++] =
+        (struct fsn_control_allowed){.id = group ? members->gr_gid : user->pw_uid, .role = role};
     return -1;
 }
 
-/** Returns -1 where a condition holds, else the exit code. */
-static int require(bool holds, const char *option, const char *text, const char *rule) {
-    return holds ? -1 : options_wrong(option, text, rule);
+static int take_help(const struct row *row, const char *text, struct options *o) {
+    (void)row, (void)text, (void)o;
+    fputs(usage_text, stdout);
+    return EXIT_FINE;
 }
 
-static int read_clock(const char *text, struct options *o) {
-    o->dc_host = strcmp(text, "host") == 0;
-    return require(o->dc_host || strcmp(text, "bus") == 0, "--dc-clock", text, "bus or host");
+static int take_version(const struct row *row, const char *text, struct options *o) {
+    (void)row, (void)text, (void)o;
+    backends_print(stdout);
+    return EXIT_FINE;
 }
 
-/* All options: identifier, name, argument. HELP is the last one, as take_plain() relies on it. */
-#define OPTIONS(X)                                                                                 \
-    X(BUS, "bus", required_argument)                                                               \
-    X(INTERFACE, "interface", required_argument)                                                   \
-    X(REDUNDANT, "redundant", required_argument)                                                   \
-    X(CYCLE, "cycle", required_argument)                                                           \
-    X(POLICY, "policy", required_argument)                                                         \
-    X(PRIORITY, "priority", required_argument)                                                     \
-    X(CPU, "cpu", required_argument)                                                               \
-    X(FREE_RUN, "free-run", no_argument)                                                           \
-    X(XDP, "xdp", no_argument)                                                                     \
-    X(DC_EVERY, "dc-every", required_argument)                                                     \
-    X(DC_CLOCK, "dc-clock", required_argument)                                                     \
-    X(DC_SHIFT, "dc-shift", required_argument)                                                     \
-    X(DC_WINDOW, "dc-window", required_argument)                                                   \
-    X(DURATION, "duration", required_argument)                                                     \
-    X(RECORD, "record", required_argument)                                                         \
-    X(WAIT, "wait", required_argument)                                                             \
-    X(ACCEPTED, "accepted", required_argument)                                                     \
-    X(ACCEPTANCE, "acceptance", required_argument)                                                 \
-    X(SIGNERS, "signers", required_argument)                                                       \
-    X(REVOKED, "revoked", required_argument)                                                       \
-    X(REQUIRE_OBSERVED, "require-observed", no_argument)                                           \
-    X(TAKE_OVER, "take-over", no_argument)                                                         \
-    X(STANDBY, "standby", no_argument)                                                             \
-    X(SOCKET, "socket", required_argument)                                                         \
-    X(ALLOW_USER, "allow-user", required_argument)                                                 \
-    X(ALLOW_GROUP, "allow-group", required_argument)                                               \
-    X(INCIDENTS, "incidents", required_argument)                                                   \
-    X(INCIDENTS_LIMIT, "incidents-limit", required_argument)                                       \
-    X(INTERVENTIONS, "intervention-log", required_argument)                                        \
-    X(INTERVENTIONS_FILE, "intervention-log-file", required_argument)                              \
-    X(LOG, "log", required_argument)                                                               \
-    X(TRACE, "trace", no_argument)                                                                 \
-    X(SCAN, "scan", no_argument)                                                                   \
-    X(VERSION, "version", no_argument)                                                             \
-    X(HELP, "help", no_argument)
+enum { MS = 1000000, SECOND = 1000000000 };
 
-enum option_id {
-    NO_OPTION = 255, /* beyond the characters that getopt_long() returns */
-#define OPTION_ID(id, name, argument) id,
-    OPTIONS(OPTION_ID)
-#undef OPTION_ID
+static const struct row rows[] = {
+    {"bus", .take = take_bus},
+    {"interface", .take = take_interface},
+    {"redundant", take_text, AT(redundant)},
+    {"cycle", take_time, AT(cycle_ns), 50000, SECOND,
+     "a time from 50us to 1s with its unit, e.g. 1ms; --free-run is faster"},
+    {"policy", .take = take_policy},
+    {"priority", take_number, AT(priority), 1, 99, "1 to 99"},
+    {"cpu", take_cpu, AT(cpu), 0, 1023, "a CPU number from 0 on"},
+    {"free-run", take_flag, AT(free_run)},
+    {"xdp", take_flag, AT(xdp)},
+    {"dc-every", take_number, AT(dc_every), 0, 1000000, "0 to 1000000 cycles"},
+    {"dc-clock", .take = take_clock},
+    {"dc-shift", take_time, AT(dc_shift_ns), 1, SECOND,
+     "a time up to a bus cycle with its unit, e.g. 300us"},
+    {"dc-window", take_time, AT(dc_window_ns), 100, MS,
+     "a time from 100ns to 1ms with its unit, e.g. 1us"},
+    {"duration", take_time, AT(run_ns), 1, UINT64_MAX, "a time above 0, e.g. 10s", SECOND},
+    {"record", take_time, AT(record_ns), 0, UINT64_MAX, "a time, e.g. 10s; 0 keeps nothing",
+     SECOND},
+    {"wait", take_time, AT(wait_ns), 0, UINT64_MAX, "a time, e.g. 30s", SECOND},
+    {"accepted", .take = take_hash},
+    {"acceptance", take_text, AT(acceptance)},
+    {"signers", take_text, AT(signers)},
+    {"revoked", take_text, AT(revoked)},
+    {"require-observed", take_flag, AT(require_observed)},
+    {"take-over", take_flag, AT(take_over)},
+    {"standby", take_flag, AT(standby)},
+    {"socket", take_text, AT(socket)},
+    {"allow-user", take_allowed, AT(access.user)},
+    {"allow-group", take_allowed, AT(access.group)},
+    {"incidents", take_text, AT(incidents)},
+    {"incidents-limit", take_number, AT(incidents_mib), 1, 1000000, "1 to 1000000 MiB"},
+    {"intervention-log", take_text, AT(interventions)},
+    {"intervention-log-file", take_number, AT(interventions_mib), 1, 1000, "1 to 1000 MiB"},
+    {"log", .take = take_log},
+    {"trace", take_flag, AT(trace)},
+    {"scan", take_flag, AT(scan)},
+    {"version", .take = take_version},
+    {"help", .take = take_help},
 };
+enum { ROWS = sizeof rows / sizeof rows[0], FIRST = 256 /* beyond the characters of getopt() */ };
 
-static int take_number(int id, const char *text, struct options *o) {
-    long number = 0;
-    bool valid;
-    switch (id) {
-    case PRIORITY:
-        valid = read_number(text, 1, 99, &number);
-        o->priority = (int)number;
-        return require(valid, "--priority", text, "1 to 99");
-    case CPU:
-        if (!read_number(text, 0, 1023, &number)) {
-            return options_wrong("--cpu", text, "a CPU number from 0 on");
+int options_check(const struct options_rule *rules, size_t count) {
+    for (size_t i = 0; i < count; i++) {
+        if (rules[i].broken) {
+            return options_wrong(rules[i].option, rules[i].value, rules[i].text);
         }
-        o->cpu = (int)number + 1;
-        return require(number < sysconf(_SC_NPROCESSORS_CONF), "--cpu", text,
-                       "this machine has no such CPU");
-    case DC_EVERY:
-        valid = read_number(text, 0, 1000000, &number);
-        o->dc_every = (uint32_t)number;
-        return require(valid, "--dc-every", text, "0 to 1000000 cycles");
-    case INCIDENTS_LIMIT:
-        return require(read_number(text, 1, 1000000, &o->incidents_mib), "--incidents-limit", text,
-                       "1 to 1000000 MiB");
-    default:
-        return require(read_number(text, 1, 1000, &o->interventions_mib), "--intervention-log-file",
-                       text, "1 to 1000 MiB");
     }
+    return -1;
 }
 
-static int take_time(int id, const char *text, struct options *o) {
-    enum { MS = 1000000, SECOND = 1000000000 };
-    const struct {
-        int id;
-        uint64_t *time_ns;
-        uint64_t bare_ns, least_ns, most_ns; /* bare_ns as in read_time() */
-        const char *option, *rule;
-    } times[] = {
-        {CYCLE, &o->cycle_ns, 0, 50000, SECOND, "--cycle",
-         "a time from 50us to 1s with its unit, e.g. 1ms; --free-run is faster"},
-        {DC_SHIFT, &o->dc_shift_ns, 0, 1, SECOND, "--dc-shift",
-         "a time up to a bus cycle with its unit, e.g. 300us"},
-        {DC_WINDOW, &o->dc_window_ns, 0, 100, MS, "--dc-window",
-         "a time from 100ns to 1ms with its unit, e.g. 1us"},
-        {DURATION, &o->run_ns, SECOND, 1, UINT64_MAX, "--duration", "a time above 0, e.g. 10s"},
-        {RECORD, &o->record_ns, SECOND, 0, UINT64_MAX, "--record",
-         "a time, e.g. 10s; 0 keeps nothing"},
-        {WAIT, &o->wait_ns, SECOND, 0, UINT64_MAX, "--wait", "a time, e.g. 30s"},
+/** A scan reads a single bus, with any SubDevices. */
+static int check_plan(const struct options *o) {
+    const bool second = o->take_over || o->standby;
+    const struct options_rule rules[] = {
+        {o->plan_file == NULL && !o->scan, "PLAN", NULL,
+         "the plan is missing; fsoe-net plan NETWORK -o PLAN makes one"},
+        {o->take_over && o->standby, "--standby", NULL,
+         "either at once, with --take-over, or when the other stops"},
+        {o->scan && o->plan_file != NULL, "--scan", o->plan_file,
+         "looks at any bus and takes no plan"},
+        {o->scan && o->interface_count > 1, "--scan", NULL, "reads one bus: give one --interface"},
+        {o->scan && second, o->standby ? "--standby" : "--take-over", NULL,
+         "goes with a plan, not with --scan"},
     };
-    size_t i = 0;
-    for (; i + 1 < sizeof times / sizeof times[0] && times[i].id != id; i++) {
-    }
-    const bool valid = read_time(text, times[i].bare_ns, times[i].time_ns) &&
-                       *times[i].time_ns >= times[i].least_ns &&
-                       *times[i].time_ns <= times[i].most_ns;
-    return require(valid, times[i].option, text, times[i].rule);
-}
-
-/** Options whose text is stored unchanged, and those without one. */
-static bool take_plain(int id, const char *text, struct options *o) {
-    const char **const texts[HELP] = {
-        [REDUNDANT] = &o->redundant,
-        [SOCKET] = &o->socket,
-        [INCIDENTS] = &o->incidents,
-        [ACCEPTANCE] = &o->acceptance,
-        [INTERVENTIONS] = &o->interventions,
-        [SIGNERS] = &o->signers,
-        [REVOKED] = &o->revoked,
-    };
-    bool *const flags[HELP] = {
-        [FREE_RUN] = &o->free_run,
-        [TRACE] = &o->trace,
-        [TAKE_OVER] = &o->take_over,
-        [REQUIRE_OBSERVED] = &o->require_observed,
-        [STANDBY] = &o->standby,
-        [SCAN] = &o->scan,
-        [XDP] = &o->xdp,
-    };
-    if (texts[id] != NULL) {
-        *texts[id] = text;
-    } else if (flags[id] != NULL) {
-        *flags[id] = true;
-    }
-    return texts[id] != NULL || flags[id] != NULL;
-}
-
-static int take(int id, const char *text, struct options *o) {
-    /* Options that only store a text or a flag. */
-    if (take_plain(id, text, o)) {
-        return -1;
-    }
-    switch (id) {
-    case BUS:
-        o->bus = text;
-        return require(backend_is_known(text), "--bus", text, "soem, igh or emulated");
-    case INTERFACE:
-        return take_interface(text, o);
-    case POLICY:
-        return read_policy(text, o);
-    case ACCEPTED:
-        return read_hash(text, o);
-    case ALLOW_USER:
-        return allow("--allow-user", text, false, o);
-    case ALLOW_GROUP:
-        return allow("--allow-group", text, true, o);
-    case LOG:
-        return read_log(text, o);
-    case DC_CLOCK:
-        return read_clock(text, o);
-    case PRIORITY:
-    case CPU:
-    case DC_EVERY:
-    case INCIDENTS_LIMIT:
-    case INTERVENTIONS_FILE:
-        return take_number(id, text, o);
-    default:
-        return take_time(id, text, o);
-    }
+    return options_check(rules, sizeof rules / sizeof rules[0]);
 }
 
 /** A bus that this build does not have is rejected later, by its name. */
 static int check_bus(const struct options *o) {
     const struct fsn_backend *bus = backend_find(o->bus);
-    if (o->interface == NULL && (bus == NULL || bus->needs_interface)) {
-        return options_wrong("--interface", NULL, "is missing");
-    }
-    if (o->xdp && bus != NULL && !bus->takes_xdp) {
-        return options_wrong("--xdp", NULL, "this bus has no AF_XDP");
-    }
-    if (o->xdp && (o->scan || o->take_over || o->standby)) {
-        return options_wrong("--xdp", NULL, "is for a bus that this process starts");
-    }
-    if (o->redundant == NULL) {
-        return -1;
-    }
-    if (bus != NULL && !bus->takes_redundant) {
-        return options_wrong("--redundant", o->redundant,
-                             "this bus takes no second interface here");
-    }
-    return require(strcmp(o->redundant, o->interface) != 0, "--redundant", o->redundant,
-                   "the same interface twice");
+    const char *second = o->redundant;
+    const struct options_rule rules[] = {
+        {o->interface == NULL && (bus == NULL || bus->needs_interface), "--interface", NULL,
+         "is missing"},
+        {o->xdp && bus != NULL && !bus->takes_xdp, "--xdp", NULL, "this bus has no AF_XDP"},
+        {o->xdp && (o->scan || o->take_over || o->standby), "--xdp", NULL,
+         "is for a bus that this process starts"},
+        {second != NULL && bus != NULL && !bus->takes_redundant, "--redundant", second,
+         "this bus takes no second interface here"},
+        {second != NULL && o->interface != NULL && strcmp(second, o->interface) == 0, "--redundant",
+         second, "the same interface twice"},
+    };
+    return options_check(rules, sizeof rules / sizeof rules[0]);
 }
 
-static int check_schedule(const struct options *o) {
-    if (o->priority != 0 && o->policy != POLICY_FIFO) {
-        return options_wrong("--priority", NULL, "only with --policy fifo");
-    }
-    if (o->cpu != 0 && o->policy == POLICY_DEADLINE) {
-        return options_wrong("--cpu", NULL,
-                             "a deadline thread cannot be pinned; isolate the CPU instead");
-    }
-    if (o->free_run && o->policy == POLICY_DEADLINE) {
-        return options_wrong("--free-run", NULL,
-                             "a deadline thread has a period; use --policy fifo");
-    }
-    return -1;
-}
-
-static int check_signed(const struct options *o) {
-    if ((o->acceptance == NULL) != (o->signers == NULL)) {
-        return options_wrong("--acceptance", o->acceptance, "belongs together with --signers FILE");
-    }
-    return require(o->revoked == NULL || o->signers != NULL, "--revoked", o->revoked,
-                   "goes with --signers FILE");
-}
-
-static int check_interventions(const struct options *o) {
-    return require(o->interventions != NULL || o->interventions_mib == INTERVENTIONS_MIB,
-                   "--intervention-log-file", NULL, "goes with --intervention-log DIR");
-}
-
-/** A scan reads a single bus, with any SubDevices. */
-static int check_scan(const struct options *o) {
-    if (!o->scan) {
-        return -1;
-    }
-    if (o->plan_file != NULL) {
-        return options_wrong("--scan", o->plan_file, "looks at any bus and takes no plan");
-    }
-    if (o->interface_count > 1) {
-        return options_wrong("--scan", NULL, "reads one bus: give one --interface");
-    }
-    if (o->take_over || o->standby) {
-        return options_wrong(o->standby ? "--standby" : "--take-over", NULL,
-                             "goes with a plan, not with --scan");
-    }
-    return -1;
-}
-
-static int check_together(const struct options *o) {
-    if (o->plan_file == NULL && !o->scan) {
-        return options_wrong("PLAN", NULL,
-                             "the plan is missing; fsoe-net plan NETWORK -o PLAN makes one");
-    }
-    if (o->take_over && o->standby) {
-        return options_wrong("--standby", NULL,
-                             "either at once, with --take-over, or when the other stops");
-    }
-    static int (*const checks[])(const struct options *) = {check_scan, check_bus, check_signed,
-                                                            check_interventions, check_schedule};
-    int code = -1;
-    for (size_t i = 0; i < sizeof checks / sizeof checks[0] && code == -1; i++) {
-        code = checks[i](o);
-    }
-    return code;
+static int check_rest(const struct options *o) {
+    const bool deadline = o->policy == POLICY_DEADLINE;
+    const struct options_rule rules[] = {
+        {(o->acceptance == NULL) != (o->signers == NULL), "--acceptance", o->acceptance,
+         "belongs together with --signers FILE"},
+        {o->revoked != NULL && o->signers == NULL, "--revoked", o->revoked,
+         "goes with --signers FILE"},
+        {o->interventions == NULL && o->interventions_mib != INTERVENTIONS_MIB,
+         "--intervention-log-file", NULL, "goes with --intervention-log DIR"},
+        {o->priority != 0 && o->policy != POLICY_FIFO, "--priority", NULL,
+         "only with --policy fifo"},
+        {o->cpu != 0 && deadline, "--cpu", NULL,
+         "a deadline thread cannot be pinned; isolate the CPU instead"},
+        {o->free_run && deadline, "--free-run", NULL,
+         "a deadline thread has a period; use --policy fifo"},
+    };
+    return options_check(rules, sizeof rules / sizeof rules[0]);
 }
 
 int options_read(int argc, char **argv, struct options *o) {
-    static const struct option table[] = {
-#define OPTION_ROW(id, name, argument) {name, argument, NULL, id},
-        OPTIONS(OPTION_ROW)
-#undef OPTION_ROW
-            {NULL, 0, NULL, 0},
-    };
+    struct option table[ROWS + 1] = {{0}};
     int id;
+    for (int i = 0; i < ROWS; i++) {
+        const bool alone =
+            rows[i].take == take_flag || rows[i].take == take_version || rows[i].take == take_help;
+        table[i] = (struct option){.name = rows[i].name, .has_arg = !alone, .val = FIRST + i};
+    }
     o->bus = "soem"; /* needs no kernel module */
     o->record_ns = 10000000000u;
     o->interventions_mib = INTERVENTIONS_MIB;
     while ((id = getopt_long(argc, argv, "", table, NULL)) != -1) {
-        if (id == HELP) {
-            fputs(usage_text, stdout);
-            return EXIT_FINE;
-        }
-        if (id == VERSION) {
-            backends_print(stdout);
-            return EXIT_FINE;
-        }
-        const int code = id == '?' ? EXIT_USAGE : take(id, optarg, o);
+        const struct row *row = id != '?' ? &rows[id - FIRST] : NULL;
+        const int code = row != NULL ? row->take(row, optarg, o) : EXIT_USAGE;
         if (code != -1) {
             return code;
         }
@@ -467,5 +373,7 @@ int options_read(int argc, char **argv, struct options *o) {
         return options_wrong(argv[optind + 1], NULL, "one plan only");
     }
     o->plan_file = optind < argc ? argv[optind] : NULL;
-    return check_together(o);
+    int code = check_plan(o);
+    code = code == -1 ? check_bus(o) : code;
+    return code == -1 ? check_rest(o) : code;
 }

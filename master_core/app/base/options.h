@@ -30,15 +30,15 @@ struct options {
     uint64_t record_ns;                /**< duration of recorded cycles; 0: none */
     uint64_t wait_ns;                  /**< how long to retry while SubDevices are missing */
     enum policy policy;
-    bool policy_given;      /**< the program must not start without it */
-    int priority;           /**< 1 … 99, of fifo */
-    int cpu;                /**< CPU number + 1; 0: any */
-    uint32_t dc_every;      /**< 0: as required by the plan */
-    bool dc_host;           /**< this machine sets the clocks of the bus */
-    uint64_t dc_shift_ns;   /**< required lead of frames before SYNC0; 0: half a cycle */
-    uint64_t dc_window_ns;  /**< permitted difference of clocks; 0: 1000 ns */
-    long incidents_mib;     /**< maximum MiB of incident files; 0: the default */
-    long interventions_mib; /**< of a file of the intervention log */
+    bool policy_given;     /**< the program must not start without it */
+    int priority;          /**< 1 … 99, of fifo */
+    int cpu;               /**< CPU number + 1; 0: any */
+    uint32_t dc_every;     /**< 0: as required by the plan */
+    bool dc_host;          /**< this machine sets the clocks of the bus */
+    uint64_t dc_shift_ns;  /**< required lead of frames before SYNC0; 0: half a cycle */
+    uint64_t dc_window_ns; /**< permitted difference of clocks; 0: 1000 ns */
+    int incidents_mib;     /**< maximum MiB of incident files; 0: the default */
+    int interventions_mib; /**< of a file of the intervention log */
     bool free_run, trace, log_json;
     bool xdp;              /**< the cycle uses AF_XDP */
     bool require_observed; /**< parameters on the bus that differ from the plan are an alarm */
@@ -63,5 +63,13 @@ static inline int options_priority(const struct options *options) {
 
 /** Reports an error of an option.   @return EXIT_USAGE. */
 int options_wrong(const char *option, const char *value, const char *text);
+
+/** Options that do not go together: the first broken rule is reported as by options_wrong(). */
+struct options_rule {
+    bool broken;
+    const char *option, *value, *text;
+};
+/** @return -1 if no rule is broken, otherwise EXIT_USAGE. */
+int options_check(const struct options_rule *rules, size_t count);
 
 #endif
