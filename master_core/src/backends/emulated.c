@@ -69,21 +69,14 @@ static size_t read_plan(struct fsn_emulated *bus) {
 }
 
 static bool allocate(struct fsn_emulated *bus) {
-    /* mutants: one more, so that nothing is not a request for 0 bytes */
-    const size_t sms = (size_t)bus->box_count + 1;
-    const size_t subs = (size_t)bus->subdevice_count + 1;
-    bus->boxes = calloc(sms, sizeof *bus->boxes);
-    bus->wkc = calloc(sms, sizeof *bus->wkc);
-    bus->present = calloc(subs, sizeof *bus->present);
-    bus->optional = calloc(subs, sizeof *bus->optional);
-    if (bus->boxes == NULL || bus->wkc == NULL || bus->present == NULL || bus->optional == NULL ||
+    if (!FSN_NEW(bus->boxes, bus->box_count) || !FSN_NEW(bus->wkc, bus->box_count) ||
+        !FSN_NEW(bus->present, bus->subdevice_count) ||
+        !FSN_NEW(bus->optional, bus->subdevice_count) ||
         fsn_image_create(bus->plan, FSN_MAX_DATAGRAM_BYTES, &bus->layout) != FSN_OK) {
         return false;
     }
     const size_t total = read_plan(bus);
-    bus->storage = fsn_calloc_prefaulted(3 * total + 1, 1); /* mutants: as above */
-    bus->image = fsn_calloc_prefaulted(total + 1, 1);
-    return bus->storage != NULL && bus->image != NULL;
+    return FSN_NEW_PREFAULTED(bus->storage, 3 * total) && FSN_NEW_PREFAULTED(bus->image, total);
 }
 
 static void fill(struct fsn_emulated *bus) {
@@ -106,9 +99,9 @@ static void fill(struct fsn_emulated *bus) {
 
 /** Creates an emulated bus for each bus of the plan, and the multi-bus backend over them. */
 static fsn_status make_parts(struct fsn_emulated *bus, uint32_t count) {
-    struct fsn_several_member *members = calloc(count, sizeof *members);
-    bus->parts = calloc(count, sizeof *bus->parts);
-    fsn_status status = members != NULL && bus->parts != NULL ? FSN_OK : FSN_E_NOMEM;
+    struct fsn_several_member *members;
+    fsn_status status =
+        FSN_NEW(members, count) && FSN_NEW(bus->parts, count) ? FSN_OK : FSN_E_NOMEM;
     for (uint32_t n = 0; n < count && status == FSN_OK; n++) {
         struct fsn_bus_info info;
         struct fsn_plan *plan;

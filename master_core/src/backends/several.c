@@ -196,11 +196,9 @@ static fsn_status join_layouts(struct fsn_several *several, struct fsn_bus_layou
         bytes += m->layout.image_bytes;
         datagrams += m->layout.datagram_count;
     }
-    several->image = fsn_calloc_prefaulted((size_t)bytes + 1, 1);
-    several->sm_base =
-        calloc((size_t)fsn_plan_sm_count(several->plan) + 1, sizeof *several->sm_base);
-    several->datagram_begin = calloc(datagrams, sizeof *several->datagram_begin);
-    if (several->image == NULL || several->sm_base == NULL || several->datagram_begin == NULL) {
+    if (!FSN_NEW_PREFAULTED(several->image, bytes) ||
+        !FSN_NEW(several->sm_base, fsn_plan_sm_count(several->plan)) ||
+        !FSN_NEW(several->datagram_begin, datagrams)) {
         return FSN_E_NOMEM;
     }
     for (uint32_t n = 0; n < several->count; n++) {
@@ -478,8 +476,7 @@ fsn_status fsn_several_create(const struct fsn_plan *plan, const struct fsn_seve
     several->count = fsn_plan_bus_count(plan);
     several->threads = thread != NULL;
     several->thread = thread != NULL ? *thread : (struct fsn_thread_options){0};
-    several->members = fsn_calloc_prefaulted(several->count, sizeof *several->members);
-    fsn_status status = several->members != NULL ? FSN_OK : FSN_E_NOMEM;
+    fsn_status status = FSN_NEW_PREFAULTED(several->members, several->count) ? FSN_OK : FSN_E_NOMEM;
     for (uint32_t n = 0; n < several->count && status == FSN_OK; n++) {
         status = make_member(several, n, &members[n]);
     }

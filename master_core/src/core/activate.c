@@ -51,8 +51,8 @@ static fsn_status place_all(const struct fsn_core *core, struct place *places, u
 /** Sync managers must not overlap: an input that shares bytes with an output would return our own
  *  frames, and two outputs that share bytes would make disjoint copies collide. */
 static fsn_status check_places(const struct fsn_core *core, struct fsn_fault *fault) {
-    struct place *places = calloc((size_t)core->plan->count[FSN_SEC_SM] + 1, sizeof *places);
-    if (places == NULL) {
+    struct place *places;
+    if (!FSN_NEW(places, core->plan->count[FSN_SEC_SM])) {
         return fsn_refuse_all(fault, FSN_E_NOMEM, NULL);
     }
     uint32_t used = 0;
@@ -219,10 +219,9 @@ static void group(struct fsn_core *core, const struct span *spans, uint32_t coun
 
 static fsn_status activate_copies(struct fsn_core *core, struct fsn_fault *fault) {
     const uint32_t count = core->plan->count[FSN_SEC_COPY];
-    struct span *spans = calloc((size_t)count + 1, sizeof *spans);
-    core->copies = fsn_calloc_prefaulted((size_t)count + 1, sizeof *core->copies);
-    core->groups = fsn_calloc_prefaulted((size_t)count + 1, sizeof *core->groups);
-    if (spans == NULL || core->copies == NULL || core->groups == NULL) {
+    struct span *spans;
+    if (!FSN_NEW(spans, count) || !FSN_NEW_PREFAULTED(core->copies, count) ||
+        !FSN_NEW_PREFAULTED(core->groups, count)) {
         free(spans);
         return fsn_refuse_all(fault, FSN_E_NOMEM, NULL);
     }
@@ -272,9 +271,7 @@ static fsn_status watch(struct fsn_core *core, uint32_t number, uint32_t *seen_b
 static fsn_status activate_monitor(struct fsn_core *core, struct fsn_fault *fault) {
     struct fsn_rt *rt = &core->rt;
     const uint32_t count = core->plan->count[FSN_SEC_CONNECTION];
-    rt->watches = fsn_calloc_prefaulted((size_t)count + 1, sizeof *rt->watches);
-    rt->monitors = fsn_calloc_prefaulted((size_t)count + 1, sizeof *rt->monitors);
-    if (rt->watches == NULL || rt->monitors == NULL) {
+    if (!FSN_NEW_PREFAULTED(rt->watches, count) || !FSN_NEW_PREFAULTED(rt->monitors, count)) {
         return fsn_refuse_all(fault, FSN_E_NOMEM, NULL);
     }
     rt->connection_count = count;
@@ -282,8 +279,8 @@ static fsn_status activate_monitor(struct fsn_core *core, struct fsn_fault *faul
     for (uint32_t i = 0; i < count; i++) {
         FSN_TRY(watch(core, i, &seen_bytes, fault));
     }
-    rt->seen = fsn_calloc_prefaulted((size_t)seen_bytes + 1, 1);
-    return rt->seen != NULL ? FSN_OK : fsn_refuse_all(fault, FSN_E_NOMEM, NULL);
+    return FSN_NEW_PREFAULTED(rt->seen, seen_bytes) ? FSN_OK
+                                                    : fsn_refuse_all(fault, FSN_E_NOMEM, NULL);
 }
 
 /** Whether the application may write this symbol: an output that belongs to neither a copy nor a
@@ -298,13 +295,9 @@ static bool is_open(const struct fsn_plan *plan, const struct fsn_symbol_info *s
 
 static fsn_status activate_outputs(struct fsn_core *core, struct fsn_fault *fault) {
     const uint32_t count = core->plan->count[FSN_SEC_SYMBOL];
-    core->rt.outputs = fsn_calloc_prefaulted((size_t)count + 1, sizeof *core->rt.outputs);
-    core->active = fsn_calloc_prefaulted((size_t)count + 1, sizeof *core->active);
-    core->active_slot = calloc((size_t)count + 1, sizeof *core->active_slot);
-    core->wanted = calloc((size_t)count + 1, sizeof *core->wanted);
-    core->set_values = fsn_calloc_prefaulted(3 * ((size_t)count + 1), sizeof *core->set_values);
-    if (core->rt.outputs == NULL || core->active == NULL || core->active_slot == NULL ||
-        core->wanted == NULL || core->set_values == NULL) {
+    if (!FSN_NEW_PREFAULTED(core->rt.outputs, count) || !FSN_NEW_PREFAULTED(core->active, count) ||
+        !FSN_NEW(core->active_slot, count) || !FSN_NEW(core->wanted, count) ||
+        !FSN_NEW_PREFAULTED(core->set_values, FSN_TRIPLE_SETS * ((size_t)count + 1))) {
         return fsn_refuse_all(fault, FSN_E_NOMEM, NULL);
     }
     core->rt.active = core->active;
@@ -329,13 +322,11 @@ static fsn_status activate_input(struct fsn_core *core, struct fsn_fault *fault)
     struct fsn_rt *rt = &core->rt;
     rt->datagram_count = core->layout.datagram_count;
     rt->sm_count = core->plan->count[FSN_SEC_SM];
-    rt->input.wkc = fsn_calloc_prefaulted(rt->datagram_count, sizeof *rt->input.wkc);
-    rt->input.sm_stale = fsn_calloc_prefaulted((size_t)rt->sm_count + 1, 1);
-    rt->stale = fsn_calloc_prefaulted((size_t)rt->sm_count + 1, sizeof *rt->stale);
-    if (rt->input.wkc == NULL || rt->input.sm_stale == NULL || rt->stale == NULL) {
-        return fsn_refuse_all(fault, FSN_E_NOMEM, NULL);
-    }
-    return FSN_OK;
+    return FSN_NEW_PREFAULTED(rt->input.wkc, rt->datagram_count) &&
+                   FSN_NEW_PREFAULTED(rt->input.sm_stale, rt->sm_count) &&
+                   FSN_NEW_PREFAULTED(rt->stale, rt->sm_count)
+               ? FSN_OK
+               : fsn_refuse_all(fault, FSN_E_NOMEM, NULL);
 }
 
 static fsn_status activate_snapshot(struct fsn_core *core, struct fsn_fault *fault) {
@@ -344,8 +335,7 @@ static fsn_status activate_snapshot(struct fsn_core *core, struct fsn_fault *fau
                          fsn_words_of(rt->connection_count * sizeof(struct fsn_connection_status)) +
                          fsn_words_of(rt->image_bytes);
     for (int i = 0; i < FSN_RT_PICTURES; i++) {
-        rt->snapshot.words[i] = fsn_calloc_prefaulted(count, sizeof *rt->snapshot.words[i]);
-        if (rt->snapshot.words[i] == NULL) {
+        if (!FSN_NEW_PREFAULTED(rt->snapshot.words[i], count)) {
             return fsn_refuse_all(fault, FSN_E_NOMEM, NULL);
         }
     }

@@ -218,9 +218,8 @@ static fsn_status fill_place(struct fsn_core *core, const struct fsn_core_client
     struct fsn_core_place *place = &core->places[n];
     const size_t count = wanted->count;
     place->used = true;
-    place->symbols = fsn_calloc_prefaulted(count + 1, sizeof *place->symbols);
-    place->values = fsn_calloc_prefaulted(2 * count + 1, sizeof *place->values);
-    if (place->symbols == NULL || place->values == NULL) {
+    if (!FSN_NEW_PREFAULTED(place->symbols, count) ||
+        !FSN_NEW_PREFAULTED(place->values, 2 * count)) {
         return FSN_E_NOMEM;
     }
     if (count > 0) {

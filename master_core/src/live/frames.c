@@ -53,8 +53,7 @@ static void build(struct fsn_wire_frame *frame, uint32_t logical, bool with_dc, 
 static bool list_inputs(const struct fsn_plan *plan, struct fsn_frames *frames) {
     struct fsn_wire *wire = &frames->wire;
     const uint32_t sms = plan->count[FSN_SEC_SM];
-    wire->inputs = fsn_calloc_prefaulted((size_t)sms + 1, sizeof *wire->inputs);
-    if (wire->inputs == NULL) {
+    if (!FSN_NEW_PREFAULTED(wire->inputs, sms)) {
         return false;
     }
     uint32_t count = 0;
@@ -86,9 +85,8 @@ static bool list_groups(const struct fsn_plan *plan, struct fsn_frames *frames) 
     struct fsn_wire *wire = &frames->wire;
     const uint32_t count = fsn_plan_group_count(plan);
     const uint32_t datagrams = frames->image.datagram_count;
-    wire->groups = fsn_calloc_prefaulted((size_t)count + 1, sizeof *wire->groups);
-    frames->group_wkc = fsn_calloc_prefaulted((size_t)count * datagrams + 1, sizeof(uint32_t));
-    if (wire->groups == NULL || frames->group_wkc == NULL) {
+    if (!FSN_NEW_PREFAULTED(wire->groups, count) ||
+        !FSN_NEW_PREFAULTED(frames->group_wkc, (size_t)count * datagrams)) {
         return false;
     }
     wire->group_count = count;
@@ -139,11 +137,9 @@ fsn_status fsn_frames_create(const struct fsn_plan *plan, uint16_t dc_station, b
     FSN_TRY(fsn_image_create(plan, FSN_WIRE_LRW_BYTES, &frames->image));
     struct fsn_wire *wire = &frames->wire;
     const uint32_t datagrams = frames->image.datagram_count;
-    frames->bytes = fsn_calloc_prefaulted((size_t)frames->image.bytes + 1, 1);
-    wire->frames = fsn_calloc_prefaulted((size_t)datagrams + 1, sizeof *wire->frames);
-    wire->answers =
-        fsn_calloc_prefaulted((size_t)plan->count[FSN_SEC_SUBDEVICE] + 1, sizeof *wire->answers);
-    if (frames->bytes == NULL || wire->frames == NULL || wire->answers == NULL) {
+    if (!FSN_NEW_PREFAULTED(frames->bytes, frames->image.bytes) ||
+        !FSN_NEW_PREFAULTED(wire->frames, datagrams) ||
+        !FSN_NEW_PREFAULTED(wire->answers, plan->count[FSN_SEC_SUBDEVICE])) {
         return FSN_E_NOMEM;
     }
     wire->image = frames->bytes;

@@ -3,15 +3,10 @@
 #include <stdlib.h>
 
 static bool allocate(const struct fsn_plan *plan, struct fsn_image *image) {
-    const size_t sms = (size_t)plan->count[FSN_SEC_SM] + 1;
-    *image = (struct fsn_image){
-        .sm_base = calloc(sms, sizeof *image->sm_base),
-        .sm_datagram = calloc(sms, sizeof *image->sm_datagram),
-        .datagram_begin = calloc(sms, sizeof *image->datagram_begin),
-        .expected = calloc(sms, sizeof *image->expected),
-    };
-    return image->sm_base != NULL && image->sm_datagram != NULL && image->datagram_begin != NULL &&
-           image->expected != NULL;
+    const uint32_t sms = plan->count[FSN_SEC_SM];
+    *image = (struct fsn_image){0};
+    return FSN_NEW(image->sm_base, sms) && FSN_NEW(image->sm_datagram, sms) &&
+           FSN_NEW(image->datagram_begin, sms) && FSN_NEW(image->expected, sms);
 }
 
 /** Number of bytes that a sync manager needs in the image; 0 if it has no place. */

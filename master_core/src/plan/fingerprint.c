@@ -285,11 +285,9 @@ fsn_status fsn_plan_fingerprint(const struct fsn_plan *plan, struct fsn_fingerpr
         return FSN_E_ARG;
     }
     struct text text = {.plan = plan};
-    const size_t connection_room = (size_t)plan->count[FSN_SEC_CONNECTION] + 1;
-    text.rank = calloc(connection_room, sizeof *text.rank);
-    text.number = calloc(connection_room, sizeof *text.number);
-    text.symbol = calloc((size_t)plan->count[FSN_SEC_SYMBOL] + 1, sizeof *text.symbol);
-    const bool room = text.rank != NULL && text.number != NULL && text.symbol != NULL;
+    const bool room = FSN_NEW(text.rank, plan->count[FSN_SEC_CONNECTION]) &&
+                      FSN_NEW(text.number, plan->count[FSN_SEC_CONNECTION]) &&
+                      FSN_NEW(text.symbol, plan->count[FSN_SEC_SYMBOL]);
     if (room) {
         order_connections(&text);
         order_symbols(&text);

@@ -1,6 +1,8 @@
-/** A guard in place of a chain of statuses. */
+/** Guards in place of chains of statuses and of allocations. */
 #ifndef FSN_TRY_H
 #define FSN_TRY_H
+
+#include <stdlib.h>
 
 #include "fsn/status.h"
 
@@ -13,5 +15,9 @@
             return fsn_try_status;                                                                 \
         }                                                                                          \
     } while (0)
+
+/** Allocates zeros for `count` elements and one more, so that none is not a request for 0 bytes.
+ *  Returns whether there was memory; otherwise the pointer is NULL. */
+#define FSN_NEW(array, count) (((array) = calloc((size_t)(count) + 1, sizeof *(array))) != NULL)
 
 #endif

@@ -20,4 +20,8 @@ static inline void *fsn_calloc_prefaulted(size_t count, size_t size_bytes) {
     return (void *)bytes;
 }
 
+/** The same for `count` elements of an array and one more; returns whether there was memory. */
+#define FSN_NEW_PREFAULTED(array, count)                                                           \
+    (((array) = fsn_calloc_prefaulted((size_t)(count) + 1, sizeof *(array))) != NULL)
+
 #endif

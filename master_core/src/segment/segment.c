@@ -45,29 +45,20 @@ static uint32_t place_subdevices(struct fsn_segment *s) {
 }
 
 static bool allocate(struct fsn_segment *s) {
-    const uint32_t subdevices = fsn_plan_subdevice_count(s->plan);
     const uint32_t sms = fsn_plan_sm_count(s->plan);
-    s->positions = calloc((size_t)subdevices + 1, sizeof *s->positions);
-    s->places = calloc((size_t)sms + 1, sizeof *s->places);
-    if (s->positions == NULL || s->places == NULL) {
+    if (!FSN_NEW(s->positions, fsn_plan_subdevice_count(s->plan)) || !FSN_NEW(s->places, sms)) {
         return false;
     }
     s->count = place_subdevices(s);
-    const size_t cables = (size_t)s->count + 1; /* one more than SubDevices, and never 0 */
-    s->escs = calloc(cables, sizeof *s->escs);
-    s->present = calloc(cables, sizeof *s->present);
-    s->optional = calloc(cables, sizeof *s->optional);
-    s->order = calloc(cables, sizeof *s->order);
-    s->cut = calloc(cables, sizeof *s->cut);
-    s->wire = calloc(1, sizeof *s->wire);
-    s->siis = calloc(cables, sizeof *s->siis);
-    size_t total = 1;
+    size_t total = 0;
     for (uint32_t sm = 0; sm < sms; sm++) {
         total += fsn_sm_bytes(s->plan, sm);
     }
-    s->storage = calloc(total, 1);
-    return s->escs != NULL && s->present != NULL && s->optional != NULL && s->order != NULL &&
-           s->cut != NULL && s->wire != NULL && s->siis != NULL && s->storage != NULL;
+    s->wire = calloc(1, sizeof *s->wire);
+    /* There is one cable more than SubDevices. */
+    return s->wire != NULL && FSN_NEW(s->escs, s->count) && FSN_NEW(s->present, s->count) &&
+           FSN_NEW(s->optional, s->count) && FSN_NEW(s->order, s->count) &&
+           FSN_NEW(s->cut, s->count) && FSN_NEW(s->siis, s->count) && FSN_NEW(s->storage, total);
 }
 
 static void give_buffers(struct fsn_segment *s) {

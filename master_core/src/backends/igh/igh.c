@@ -111,9 +111,7 @@ static int by_place(const void *a, const void *b) {
 static fsn_status make_areas(struct fsn_igh *bus) {
     FSN_TRY(fsn_image_create(bus->all.plan, FSN_MAX_DATAGRAM_BYTES, &bus->image));
     const uint32_t sms = fsn_plan_sm_count(bus->all.plan);
-    bus->bytes = fsn_calloc_prefaulted((size_t)bus->image.bytes + 1, 1);
-    bus->areas = fsn_calloc_prefaulted((size_t)sms + 1, sizeof *bus->areas);
-    if (bus->bytes == NULL || bus->areas == NULL) {
+    if (!FSN_NEW_PREFAULTED(bus->bytes, bus->image.bytes) || !FSN_NEW_PREFAULTED(bus->areas, sms)) {
         return FSN_E_NOMEM;
     }
     for (uint32_t sm = 0; sm < sms; sm++) {

@@ -20,8 +20,7 @@ enum {
 bool soem_make_groups(struct fsn_soem *bus) {
     const uint32_t count = fsn_plan_group_count(bus->all.plan);
     free(bus->groups_of_plan);
-    bus->groups_of_plan = calloc((size_t)count + 1, sizeof *bus->groups_of_plan);
-    bus->group_count = bus->groups_of_plan != NULL ? count : 0;
+    bus->group_count = FSN_NEW(bus->groups_of_plan, count) ? count : 0;
     for (uint32_t g = 0; g < bus->group_count; g++) {
         bus->groups_of_plan[g].info = fsn_known_group(bus->all.plan, g);
     }

@@ -434,13 +434,9 @@ static void poll_foreign(struct fsn_changes *changes, uint64_t now_ns) {
 
 bool fsn_changes_init(struct fsn_changes *changes, struct fsn_bus_view *view,
                       struct fsn_events *events) {
-    uint64_t *reset_reported_ns =
-        calloc((size_t)fsn_plan_connection_count(view->plan) + 1, sizeof *reset_reported_ns);
-    struct fsn_seen_group *group =
-        calloc((size_t)fsn_plan_group_count(view->plan) + 1, sizeof *group);
-    *changes = (struct fsn_changes){
-        .view = view, .events = events, .reset_reported_ns = reset_reported_ns, .group = group};
-    return reset_reported_ns != NULL && group != NULL;
+    *changes = (struct fsn_changes){.view = view, .events = events};
+    return FSN_NEW(changes->reset_reported_ns, fsn_plan_connection_count(view->plan)) &&
+           FSN_NEW(changes->group, fsn_plan_group_count(view->plan));
 }
 
 void fsn_changes_free(struct fsn_changes *changes) {
@@ -449,15 +445,14 @@ void fsn_changes_free(struct fsn_changes *changes) {
 }
 
 void fsn_changes_reset(struct fsn_changes *changes) {
-    uint64_t *reset_reported_ns = changes->reset_reported_ns;
-    memset(reset_reported_ns, 0,
-           fsn_plan_connection_count(changes->view->plan) * sizeof *reset_reported_ns);
-    struct fsn_seen_group *group = changes->group;
-    memset(group, 0, fsn_plan_group_count(changes->view->plan) * sizeof *group);
+    const struct fsn_plan *plan = changes->view->plan;
+    memset(changes->reset_reported_ns, 0,
+           fsn_plan_connection_count(plan) * sizeof *changes->reset_reported_ns);
+    memset(changes->group, 0, fsn_plan_group_count(plan) * sizeof *changes->group);
     *changes = (struct fsn_changes){.view = changes->view,
                                     .events = changes->events,
-                                    .reset_reported_ns = reset_reported_ns,
-                                    .group = group,
+                                    .reset_reported_ns = changes->reset_reported_ns,
+                                    .group = changes->group,
                                     .differed = changes->differed};
 }
 

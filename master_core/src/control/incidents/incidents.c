@@ -58,9 +58,8 @@ fsn_status fsn_incidents_create(const char *folder, struct fsn_bus_view *view,
     snprintf(in->folder, sizeof in->folder, "%s", folder);
     in->most_bytes = FSN_INCIDENTS_BYTES;
     in->connections = fsn_plan_connection_count(view->plan);
-    in->reported = calloc((size_t)in->connections + 1, 1);
-    in->refused = calloc((size_t)fsn_plan_subdevice_count(view->plan) + 1, 1);
-    if (in->reported == NULL || in->refused == NULL) {
+    if (!FSN_NEW(in->reported, in->connections) ||
+        !FSN_NEW(in->refused, fsn_plan_subdevice_count(view->plan))) {
         fsn_incidents_free(in);
         return fsn_refusal_set(refusal, FSN_E_NOMEM, NULL, "out of memory");
     }

@@ -46,11 +46,8 @@ struct fsn_outputs *fsn_outputs_create(const struct fsn_plan *plan) {
         return NULL;
     }
     o->count = fsn_plan_symbol_count(plan);
-    o->output = calloc((size_t)o->count + 1, sizeof *o->output);
-    o->by_name = calloc((size_t)o->count + 1, sizeof *o->by_name);
-    o->noted = calloc((size_t)o->count + 1, sizeof *o->noted);
-    o->noted_raw = calloc((size_t)o->count + 1, sizeof *o->noted_raw);
-    if (o->output == NULL || o->by_name == NULL || o->noted == NULL || o->noted_raw == NULL) {
+    if (!FSN_NEW(o->output, o->count) || !FSN_NEW(o->by_name, o->count) ||
+        !FSN_NEW(o->noted, o->count) || !FSN_NEW(o->noted_raw, o->count)) {
         fsn_outputs_free(o);
         return NULL;
     }

@@ -1,9 +1,9 @@
 #include "control/reports/bus_view.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 #include "control/base/words.h"
+#include "plan/try.h"
 
 struct fsn_control_status fsn_program_status(const struct fsn_control_host *host) {
     struct fsn_control_status status = {0};
@@ -18,13 +18,10 @@ bool fsn_bus_view_init(struct fsn_bus_view *view, const struct fsn_plan *plan,
     uint8_t digest[FSN_SHA256_BYTES];
     fsn_plan_sha256(plan, digest);
     fsn_hex_text(digest, sizeof digest, view->sha256);
-    const fsn_status made = fsn_plan_fingerprint(plan, &view->fingerprint);
     view->outputs = fsn_outputs_create(plan);
-    view->connections =
-        calloc((size_t)fsn_plan_connection_count(plan) + 1, sizeof *view->connections);
-    view->subdevice = calloc((size_t)fsn_plan_subdevice_count(plan) + 1, sizeof *view->subdevice);
-    return made == FSN_OK && view->outputs != NULL && view->connections != NULL &&
-           view->subdevice != NULL;
+    return fsn_plan_fingerprint(plan, &view->fingerprint) == FSN_OK && view->outputs != NULL &&
+           FSN_NEW(view->connections, fsn_plan_connection_count(plan)) &&
+           FSN_NEW(view->subdevice, fsn_plan_subdevice_count(plan));
 }
 
 static void free_images(struct fsn_bus_view *view) {
@@ -44,11 +41,9 @@ void fsn_bus_view_free(struct fsn_bus_view *view) {
 
 /** Allocates memory for images of a core. */
 static bool make_images(struct fsn_bus_view *view, const struct fsn_core *core) {
-    const size_t bytes = (size_t)fsn_core_image_bytes(core) + 1;
-    view->image = malloc(bytes);
-    view->recorded.image = malloc(bytes);
-    view->recorded.wkc = calloc(fsn_core_datagram_count(core), sizeof *view->recorded.wkc);
-    return view->image != NULL && view->recorded.image != NULL && view->recorded.wkc != NULL;
+    return FSN_NEW(view->image, fsn_core_image_bytes(core)) &&
+           FSN_NEW(view->recorded.image, fsn_core_image_bytes(core)) &&
+           FSN_NEW(view->recorded.wkc, fsn_core_datagram_count(core));
 }
 
 void fsn_bus_view_attach(struct fsn_bus_view *view, struct fsn_core *core) {

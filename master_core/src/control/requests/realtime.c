@@ -58,11 +58,9 @@ static fsn_status choose(struct fsn_request *request, struct wanted *wanted) {
 }
 
 static fsn_status read_names(struct fsn_request *request, size_t first, struct wanted *wanted) {
-    const size_t all = (size_t)fsn_plan_symbol_count(request->services->view.plan) + 1;
-    wanted->outputs = calloc(all, sizeof *wanted->outputs);
-    wanted->symbols = calloc(all, sizeof *wanted->symbols);
-    wanted->marks = calloc(all, 1);
-    if (wanted->outputs == NULL || wanted->symbols == NULL || wanted->marks == NULL) {
+    const uint32_t all = fsn_plan_symbol_count(request->services->view.plan);
+    if (!FSN_NEW(wanted->outputs, all) || !FSN_NEW(wanted->symbols, all) ||
+        !FSN_NEW(wanted->marks, all)) {
         return fsn_request_refuse(request, FSN_E_NOMEM, NULL, "out of memory");
     }
     for (size_t i = first; i < request->count; i++) {

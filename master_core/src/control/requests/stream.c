@@ -170,9 +170,8 @@ static fsn_status collect(struct fsn_request *request, const uint8_t *marks, uin
 /** Words after the options: names; none means all. */
 static fsn_status choose(struct fsn_request *request, size_t first, struct fsn_stream *stream) {
     const uint32_t all = fsn_plan_symbol_count(request->services->view.plan);
-    uint8_t *marks = calloc((size_t)all + 1, 1);
-    stream->symbols = calloc((size_t)all + 1, sizeof *stream->symbols);
-    if (marks == NULL || stream->symbols == NULL) {
+    uint8_t *marks;
+    if (!FSN_NEW(marks, all) || !FSN_NEW(stream->symbols, all)) {
         free(marks);
         return fsn_request_refuse(request, FSN_E_NOMEM, NULL, "out of memory");
     }
