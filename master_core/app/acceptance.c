@@ -1,6 +1,6 @@
 #define _GNU_SOURCE
 
-#include "app/acceptance.h"
+#include "app/master.h"
 
 #include <errno.h>
 #include <fcntl.h>

@@ -1,9 +1,8 @@
-#include "app/buses.h"
+#include "app/master.h"
 
 #include <stdio.h>
 #include <string.h>
 
-#include "app/log/log.h"
 #include "fsn/several.h"
 
 /** All buses of this program. */

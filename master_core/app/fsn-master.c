@@ -11,15 +11,12 @@
 #include <sys/signalfd.h>
 #include <unistd.h>
 
-#include "app/acceptance.h"
 #include "app/base/confine.h"
 #include "app/base/explain.h"
 #include "app/base/notify.h"
-#include "app/buses.h"
 #include "app/log/entries.h"
 #include "app/log/log.h"
 #include "app/master.h"
-#include "app/scan.h"
 #include "app/takeover/predecessor.h"
 #include "control/base/words.h"
 

@@ -1,4 +1,4 @@
-#include "app/scan.h"
+#include "app/master.h"
 
 #include <errno.h>
 #include <stdio.h>

@@ -4,8 +4,8 @@
 
 #include <string.h>
 
+#include "control/requests/client.h"
 #include "control/requests/requests.h"
-#include "control/requests/stream.h"
 #include "control/server/server.h"
 
 uint64_t fuzz_reached;

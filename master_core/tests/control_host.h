@@ -4,8 +4,8 @@
 #ifndef FSN_TEST_CONTROL_HOST_H
 #define FSN_TEST_CONTROL_HOST_H
 
+#include "control/requests/client.h"
 #include "control/requests/requests.h"
-#include "control/requests/stream.h"
 #include "control/server/server.h"
 
 static inline void host_status(void *self, struct fsn_control_status *status) {

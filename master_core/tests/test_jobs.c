@@ -4,8 +4,6 @@
 #include <string.h>
 
 #include "builder.h"
-#include "control/jobs/guard.h"
-#include "control/jobs/history.h"
 #include "control/jobs/job.h"
 #include "control/survey/member.h"
 #include "fsn/fsn.h"

@@ -2,8 +2,6 @@
 #ifndef FSN_APP_HOLDER_H
 #define FSN_APP_HOLDER_H
 
-#include <stddef.h>
-
 enum { HOLDER_TEXT_BYTES = 480 };
 
 /** Describes up to two holders: pid, program, user, start, whether it is stopped, and the next

@@ -14,7 +14,6 @@
 
 #include "app/log/log.h"
 #include "control/base/clock.h"
-#include "control/base/words.h"
 #include "fsn/version.h"
 
 static const uint64_t rest_ns =

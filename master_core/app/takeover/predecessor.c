@@ -3,7 +3,6 @@
 #include "app/takeover/predecessor.h"
 
 #include <dirent.h>
-#include <errno.h>
 #include <poll.h>
 #include <sched.h>
 #include <signal.h>

@@ -3,7 +3,6 @@
 #define FSN_LIVE_RING_H
 
 #include <stdbool.h>
-#include <stddef.h>
 #include <stdint.h>
 
 #include "fsn/bus.h"

@@ -1,8 +1,6 @@
 /** AL state machine of an emulated SubDevice. */
 #include "segment/esc.h"
 
-#include <string.h>
-
 static void set_state(struct esc *esc, uint8_t state, uint16_t code) {
     fsn_put16(esc->memory + REG_AL_STATUS, state);
     fsn_put16(esc->memory + REG_AL_CODE, code);

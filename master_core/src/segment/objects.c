@@ -1,4 +1,4 @@
-#include "segment/objects.h"
+#include "segment/esc.h"
 
 #include <stdlib.h>
 #include <string.h>

@@ -3,8 +3,6 @@
 
 #include <string.h>
 
-#include "live/port.h"
-
 enum {
     STATES_NS = 5000000,   /**< between two polls of all states */
     SEARCH_NS = 50000000,  /**< between two searches for lost SubDevices */

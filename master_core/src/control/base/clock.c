@@ -25,3 +25,11 @@ void fsn_utc_text(uint64_t at_ns, char room[32]) {
     strftime(day, sizeof day, "%Y-%m-%dT%H:%M:%S", &parts);
     snprintf(room, 32, "%s.%06uZ", day, (unsigned)(utc_ns % 1000000000 / 1000) % 1000000u);
 }
+
+bool fsn_pace_allows(uint64_t *due_ns, uint64_t now_ns, unsigned at_once, uint64_t every_ns) {
+    if (*due_ns > now_ns + (at_once - 1) * every_ns) {
+        return false;
+    }
+    *due_ns = (*due_ns > now_ns ? *due_ns : now_ns) + every_ns;
+    return true;
+}

@@ -6,8 +6,6 @@
 #include <string.h>
 
 #include "control/base/names.h"
-#include "control/reports/groups.h"
-#include "control/reports/parameters.h"
 #include "control/reports/reports.h"
 #include "plan/plan_internal.h"
 

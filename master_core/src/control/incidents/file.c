@@ -1,6 +1,6 @@
 #define _GNU_SOURCE
 
-#include "control/incidents/file.h"
+#include "control/incidents/kept.h"
 
 #include <dirent.h>
 #include <errno.h>

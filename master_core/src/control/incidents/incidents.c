@@ -13,7 +13,6 @@
 
 #include "control/base/clock.h"
 #include "control/base/names.h"
-#include "control/base/pace.h"
 #include "control/incidents/kept.h"
 #include "plan/plan_internal.h"
 

@@ -5,7 +5,7 @@
 #ifndef FSN_CONTROL_INCIDENT_H
 #define FSN_CONTROL_INCIDENT_H
 
-#include "control/jobs/queue.h"
+#include "control/jobs/job.h"
 #include "control/reports/bus_view.h"
 #include "control/reports/events.h"
 

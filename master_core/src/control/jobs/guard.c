@@ -1,4 +1,4 @@
-#include "control/jobs/guard.h"
+#include "control/jobs/job.h"
 
 #include "live/fsoe_objects.h"
 #include "plan/plan_internal.h"

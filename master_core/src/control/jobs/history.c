@@ -1,4 +1,4 @@
-#include "control/jobs/history.h"
+#include "control/jobs/job.h"
 
 #include "control/base/value.h"
 #include "plan/plan_internal.h"

@@ -4,7 +4,6 @@
 #include <string.h>
 
 #include "control/base/clock.h"
-#include "control/jobs/history.h"
 #include "control/survey/survey.h"
 #include "plan/try.h"
 

@@ -4,12 +4,15 @@
 #define FSN_CONTROL_JOB_H
 
 #include <stdatomic.h>
+#include <stdbool.h>
 
+#include "control/base/host.h"
 #include "control/base/json.h"
-#include "control/base/object_value.h"
 #include "control/base/refusal.h"
+#include "control/base/value.h"
 #include "fsn/acyclic.h"
 #include "fsn/core.h"
+#include "fsn/plan.h"
 
 enum { FSN_JOB_ANSWER_BYTES = 1 << 20 /**< longest answer except that of a scan */ };
 
@@ -57,5 +60,32 @@ struct fsn_job_context {
 void fsn_job_run(struct fsn_job *job, const struct fsn_job_context *context);
 
 void fsn_job_free(struct fsn_job *job);
+
+/** Whether an object may be written, by plan and state of the bus.
+ *  @return NULL, or the reason why not. */
+const char *fsn_guard_write(const struct fsn_plan *plan, uint32_t subdevice, uint16_t index,
+                            bool bus_runs);
+
+/** Decodes a message of 0x10F3; false if it is invalid. */
+bool fsn_history_message(const uint8_t *bytes, uint32_t size_bytes, uint32_t id,
+                         struct fsn_json *json);
+
+enum { FSN_JOBS = 32 /**< maximum of waiting, running and unanswered jobs together */ };
+
+struct fsn_job_queue {
+    const struct fsn_control_host *host;
+    struct fsn_job *job[FSN_JOBS];
+};
+
+/** Submits a job; on a refusal the caller still owns it.
+ *  @param[in] core  NULL: the bus is stopped, so the job is refused. */
+fsn_status fsn_job_submit(struct fsn_job_queue *queue, const struct fsn_core *core,
+                          struct fsn_job *job, struct fsn_refusal *refusal);
+
+/** Requests the FSoE values of every planned SubDevice, for an incident; NULL: not possible now. */
+struct fsn_job *fsn_job_submit_fsoe(struct fsn_job_queue *queue, const struct fsn_core *core);
+
+/** A job is done and answered: removes and frees it. */
+void fsn_job_remove(struct fsn_job_queue *queue, struct fsn_job *job);
 
 #endif

@@ -1,4 +1,4 @@
-#include "control/jobs/queue.h"
+#include "control/jobs/job.h"
 
 #include <stdlib.h>
 

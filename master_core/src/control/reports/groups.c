@@ -1,4 +1,4 @@
-#include "control/reports/groups.h"
+#include "control/reports/reports.h"
 
 #include "plan/plan_internal.h"
 

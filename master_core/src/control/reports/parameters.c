@@ -1,8 +1,7 @@
-#include "control/reports/parameters.h"
+#include "control/reports/reports.h"
 
 #include <inttypes.h>
 #include <stdio.h>
-#include <string.h>
 
 /** Parameters that a plan can state. */
 static const struct {

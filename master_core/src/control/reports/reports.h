@@ -4,6 +4,7 @@
 
 #include "control/base/json.h"
 #include "control/reports/bus_view.h"
+#include "fsn/monitor.h"
 
 /** Part of a report whose rows do not all fit into one reply. Zero means the whole report. */
 struct fsn_page {
@@ -48,5 +49,39 @@ fsn_status fsn_report_layout(struct fsn_bus_view *view, struct fsn_page *page,
 /** Writes the name of a SubDevice under a key. */
 void fsn_report_name(struct fsn_bus_view *view, struct fsn_json *json, const char *key,
                      uint32_t subdevice);
+
+/** State of a group of SubDevices that may be absent. */
+enum fsn_group_state {
+    FSN_GROUP_ABSENT, /**< not a fault */
+    FSN_GROUP_WRONG,  /**< absent, and another device at its place is not accepted */
+    FSN_GROUP_COMING, /**< not all of its SubDevices are in OP */
+    FSN_GROUP_THERE,
+};
+
+/** State of a group, from an array with the states of all SubDevices of the plan. */
+enum fsn_group_state fsn_group_state(const struct fsn_plan *plan, uint32_t group,
+                                     const struct fsn_bus_subdevice *subdevices);
+
+/** Returns "absent", "wrong", "coming" or "there". */
+const char *fsn_group_text(enum fsn_group_state state);
+
+/** Whether a SubDevice belongs to a group that is absent now. */
+bool fsn_group_is_away(const struct fsn_bus_view *view, uint32_t subdevice);
+
+/** Writes `groups` of the status; nothing for a plan without groups. */
+void fsn_report_groups(struct fsn_bus_view *view, struct fsn_json *json);
+
+enum { FSN_DIFFERS_BYTES = 256 };
+
+/** Writes an object under a key; unknown values are null. */
+void fsn_report_parameters(struct fsn_json *json, const char *key,
+                           const struct fsn_parameters *parameters);
+
+/** Writes the keys of parameters that differ, as a list. */
+void fsn_report_differs(struct fsn_json *json, uint32_t differs);
+
+/** Writes "watchdog 4000 ms, 400 ms in the plan" into `room`, which it returns. */
+const char *fsn_differs_text(uint32_t differs, const struct fsn_parameters *planned,
+                             const struct fsn_parameters *observed, char room[FSN_DIFFERS_BYTES]);
 
 #endif

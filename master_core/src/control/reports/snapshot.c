@@ -1,6 +1,5 @@
 /** The document of one cycle: every counter, histogram and connection. */
 #include "control/base/names.h"
-#include "control/reports/parameters.h"
 #include "control/reports/reports.h"
 #include "plan/plan_internal.h"
 

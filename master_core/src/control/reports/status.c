@@ -2,7 +2,6 @@
 #include "control/base/clock.h"
 #include "control/base/names.h"
 #include "control/base/value.h"
-#include "control/reports/groups.h"
 #include "control/reports/reports.h"
 #include "fsn/version.h"
 #include "plan/plan_internal.h"

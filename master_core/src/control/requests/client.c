@@ -10,7 +10,6 @@
 #include <unistd.h>
 
 #include "control/base/clock.h"
-#include "control/requests/stream.h"
 #include "plan/plan_internal.h"
 
 void fsn_client_put(struct fsn_client *client, const char *bytes, size_t len_bytes) {

@@ -2,10 +2,63 @@
 #ifndef FSN_CONTROL_CLIENT_H
 #define FSN_CONTROL_CLIENT_H
 
-#include "control/base/peer.h"
 #include "control/base/words.h"
-#include "control/requests/services.h"
+#include "control/incidents/incidents.h"
 #include "core/clients.h"
+
+struct fsn_client;
+
+/* Limits of the events that a user may cause by refused requests. The user comes from the kernel,
+ * because a program may open any number of connections. */
+
+enum {
+    FSN_QUOTA_AT_ONCE = 10, /**< events of a user and kind without a pause */
+    FSN_QUOTA_S = 60,       /**< then one in this many seconds */
+    FSN_QUOTA_USERS = 32,   /**< with their own quota; all others share one */
+};
+
+enum fsn_quota_kind { FSN_QUOTA_REFUSED, FSN_QUOTA_DROPPED, FSN_QUOTA_KINDS };
+
+/** The last cause of a kind by a user, with or without an event. */
+struct fsn_cause {
+    struct fsn_peer peer;
+    enum fsn_role role;
+    uint32_t client;
+    const char *what; /**< static: name of the request, or the reason for dropping */
+    fsn_status status;
+};
+
+struct fsn_quota {
+    uint64_t due_ns; /**< of fsn_pace_allows() */
+    uint32_t times;  /**< since the last event */
+    struct fsn_cause last;
+};
+
+struct fsn_quotas {
+    struct fsn_quota of[FSN_QUOTA_USERS + 1][FSN_QUOTA_KINDS]; /**< the last is shared */
+};
+
+/** Counts a cause.   @return how often it has occurred since the last event; 0: no event now. */
+uint32_t fsn_quota_take(struct fsn_quotas *quotas, enum fsn_quota_kind kind,
+                        const struct fsn_cause *cause, uint64_t now_ns);
+
+/** Events that were only counted and may be reported now, one at a time.
+ *  @param[in] now_ns  UINT64_MAX: all of them, at the end of the program.
+ *  @param[out] times  number of occurrences.   @return NULL: none. */
+const struct fsn_cause *fsn_quota_left(struct fsn_quotas *quotas, enum fsn_quota_kind kind,
+                                       uint64_t now_ns, uint32_t *times);
+
+/** Modules that answer requests, combined in one structure. */
+struct fsn_services {
+    struct fsn_bus_view view;
+    struct fsn_events events;
+    struct fsn_quotas quotas; /**< of events about refusals */
+    struct fsn_job_queue jobs;
+    struct fsn_incidents *incidents; /**< NULL: none are recorded */
+    struct fsn_client *client;       /**< the places of all clients, used and free */
+    size_t clients;                  /**< number of places */
+    struct fsn_json line;            /**< the cycle being written for a client */
+};
 
 enum {
     FSN_CLIENT_OUT_BYTES = 1 << 20, /**< limit of unread bytes before it is dropped */
@@ -95,5 +148,11 @@ void fsn_services_watch_cycle(struct fsn_services *services);
 
 /** Every output takes its stop value and is closed until there is another core. */
 void fsn_services_close_outputs(struct fsn_services *services);
+
+/** Sends clients the completed cycles that they watch. */
+void fsn_streams_serve(struct fsn_services *services);
+
+/** Ends the subscription of a client. */
+void fsn_stream_end(struct fsn_client *client);
 
 #endif

@@ -1,6 +1,6 @@
-#include "control/requests/quota.h"
+#include "control/requests/client.h"
 
-#include "control/base/pace.h"
+#include "control/base/clock.h"
 
 static bool is_free(const struct fsn_quota row[FSN_QUOTA_KINDS], uint64_t now_ns) {
     bool free = true;

@@ -1,6 +1,6 @@
 /** Requests of cycles: a client gets every N-th cycle as a line from the recorder of the core. A
  *  slow client does not delay others: its missed cycles are counted. */
-#include "control/requests/stream.h"
+#include "control/requests/client.h"
 
 #include <stdlib.h>
 #include <string.h>

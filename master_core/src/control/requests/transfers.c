@@ -4,9 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "control/base/object_value.h"
 #include "control/base/value.h"
-#include "control/jobs/guard.h"
+#include "control/jobs/job.h"
 #include "control/requests/request.h"
 #include "control/survey/survey.h"
 #include "plan/try.h"

@@ -9,8 +9,8 @@
 #include "control/base/clock.h"
 #include "control/base/names.h"
 #include "control/reports/reports.h"
+#include "control/requests/client.h"
 #include "control/requests/requests.h"
-#include "control/requests/stream.h"
 #include "control/server/server.h"
 #include "plan/plan_internal.h"
 

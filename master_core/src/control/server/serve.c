@@ -7,9 +7,8 @@
 #include <unistd.h>
 
 #include "control/base/clock.h"
-#include "control/base/pace.h"
+#include "control/requests/client.h"
 #include "control/requests/requests.h"
-#include "control/requests/stream.h"
 #include "control/server/server.h"
 
 enum {
