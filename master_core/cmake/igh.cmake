@@ -1,7 +1,7 @@
 # Finds IgH EtherCAT Master 1.6 and builds fsn_igh on its library. Where nothing is found the target
 # does not exist.
 set(igh_sources src/backends/igh/igh.c src/backends/igh/acyclic.c src/backends/igh/find.c src/backends/igh/configure.c
-    src/backends/igh/pdo.c src/backends/igh/cycle.c src/backends/igh/al_states.c)
+    src/backends/igh/cycle.c src/backends/igh/al_states.c)
 if(NOT FSN_IGH STREQUAL OFF)
   if(NOT IGH_DIR)
     find_package(PkgConfig QUIET)

@@ -40,7 +40,7 @@ endif()
 if(soem_use)
   set(soem_backend src/backends/soem)
   add_library(fsn_soem ${fsn_kind} ${soem_backend}/soem.c ${soem_backend}/acyclic.c ${soem_backend}/find.c
-    ${soem_backend}/configure.c ${soem_backend}/pdo.c ${soem_backend}/sii.c
+    ${soem_backend}/configure.c ${soem_backend}/sii.c
     ${soem_backend}/al_states.c ${soem_backend}/attach.c ${soem_backend}/ring.c
     ${soem_backend}/clocks.c ${soem_backend}/groups.c ${soem_backend}/xdp.c)
   if(TARGET soem_objects)

@@ -5,6 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "live/pdo.h"
+
 void fsn_nodes_init(struct fsn_nodes *nodes) {
     pthread_mutex_init(&nodes->lock, NULL);
 }
@@ -65,21 +67,78 @@ void fsn_node_note_facts(struct fsn_nodes *nodes, struct fsn_node *node, uint16_
     pthread_mutex_unlock(&nodes->lock);
 }
 
-uint8_t fsn_found_of(fsn_status status) {
-    static const struct {
-        fsn_status status;
-        uint8_t found;
-    } rows[] = {
-        {FSN_E_BUS_MISSING, FSN_FOUND_NOTHING}, {FSN_E_BUS_MAILBOX, FSN_FOUND_MAILBOX},
-        {FSN_E_BUS_MAPPING, FSN_FOUND_MAPPING}, {FSN_E_BUS_ADDRESS, FSN_FOUND_ADDRESS},
-        {FSN_E_BUS_SDO, FSN_FOUND_SDO},
-    };
-    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
-        if (rows[i].status == status) {
-            return rows[i].found;
-        }
+bool fsn_node_note_identity(struct fsn_nodes *nodes, struct fsn_node *node, uint32_t vendor_id,
+                            uint32_t product_code, uint32_t revision,
+                            char detail[FSN_DETAIL_BYTES]) {
+    pthread_mutex_lock(&nodes->lock);
+    node->seen.vendor_id = vendor_id;
+    node->seen.product_code = product_code;
+    node->seen.revision = revision;
+    pthread_mutex_unlock(&nodes->lock);
+    return fsn_check_identity(&node->info, vendor_id, product_code, revision, detail);
+}
+
+static uint8_t found_of(fsn_status status) {
+    switch (status) {
+    case FSN_E_BUS_MISSING:
+        return FSN_FOUND_NOTHING;
+    case FSN_E_BUS_MAILBOX:
+        return FSN_FOUND_MAILBOX;
+    case FSN_E_BUS_MAPPING:
+        return FSN_FOUND_MAPPING;
+    case FSN_E_BUS_ADDRESS:
+        return FSN_FOUND_ADDRESS;
+    case FSN_E_BUS_SDO:
+        return FSN_FOUND_SDO;
+    default:
+        return FSN_FOUND_STATE;
     }
-    return FSN_FOUND_STATE;
+}
+
+fsn_status fsn_node_note_status(struct fsn_nodes *nodes, struct fsn_node *node, fsn_status status,
+                                const char *detail) {
+    if (status != FSN_OK) {
+        fsn_node_note(nodes, node, found_of(status), "%s", detail);
+    }
+    return status;
+}
+
+fsn_status fsn_node_write_sdos(struct fsn_nodes *nodes, struct fsn_node *node,
+                               const struct fsn_objects *objects) {
+    char detail[FSN_DETAIL_BYTES];
+    const fsn_status status = fsn_check_sdos(nodes->plan, &node->info, objects, detail);
+    return fsn_node_note_status(nodes, node, status, detail);
+}
+
+fsn_status fsn_node_check_address(struct fsn_nodes *nodes, struct fsn_node *node,
+                                  const struct fsn_objects *objects, bool *readable) {
+    char detail[FSN_DETAIL_BYTES];
+    uint16_t found;
+    const fsn_status status =
+        fsn_check_address(nodes->plan, node->number, objects, readable, &found, detail);
+    if (fsn_node_note_status(nodes, node, status, detail) != FSN_OK) {
+        fsn_node_note_facts(nodes, node, found, false);
+    }
+    return status;
+}
+
+fsn_status fsn_node_check_pdos(struct fsn_nodes *nodes, struct fsn_node *node,
+                               const struct fsn_objects *objects,
+                               bool (*sii_bits)(void *bus, const struct fsn_node *node, uint32_t sm,
+                                                uint32_t *bits),
+                               void *bus) {
+    for (uint32_t sm = node->info.first_sm; sm < node->info.first_sm + node->info.sm_count; sm++) {
+        char detail[FSN_DETAIL_BYTES];
+        uint32_t bits;
+        fsn_status status = FSN_OK;
+        if (objects == NULL && sii_bits(bus, node, sm, &bits)) {
+            status = fsn_pdo_check_bits(nodes->plan, sm, bits, detail);
+        } else if (objects != NULL && fsn_read_sm(nodes->plan, sm).index >= 2) {
+            status = fsn_pdo_check(nodes->plan, sm, objects, detail); /* the others: its mailbox */
+        }
+        FSN_TRY(fsn_node_note_status(nodes, node, status, detail));
+    }
+    return FSN_OK;
 }
 
 void fsn_node_note_op(struct fsn_nodes *nodes, struct fsn_node *node) {
@@ -95,6 +154,18 @@ fsn_status fsn_node_refuse(struct fsn_fault *fault, fsn_status status,
     fsn_refuse(fault, status, FSN_SEC_SUBDEVICE, node->number, 0, NULL);
     if (fault != NULL) {
         memcpy(fault->detail, node->seen.detail, sizeof fault->detail);
+    }
+    return status;
+}
+
+fsn_status fsn_live_refuse(struct fsn_fault *fault, fsn_status status, const char *rule,
+                           const char *format, ...) {
+    va_list arguments;
+    fsn_refuse_all(fault, status, rule);
+    if (fault != NULL) {
+        va_start(arguments, format);
+        vsnprintf(fault->detail, sizeof fault->detail, format, arguments);
+        va_end(arguments);
     }
     return status;
 }

@@ -4,7 +4,7 @@
 
 #include <pthread.h>
 
-#include "fsn/bus.h"
+#include "live/check.h"
 #include "live/image.h"
 
 /** First member of a backend's own node. Used by the acyclic thread; `seen` is guarded by the
@@ -50,14 +50,40 @@ __attribute__((format(printf, 4, 5))) void fsn_node_note(struct fsn_nodes *nodes
 void fsn_node_note_facts(struct fsn_nodes *nodes, struct fsn_node *node, uint16_t fsoe_address,
                          bool link_down);
 
-/** Maps the result of the check of a SubDevice to enum fsn_found. */
-uint8_t fsn_found_of(fsn_status status);
+/** Stores the identity of the device at the place of a node; returns whether it is the planned one,
+ *  otherwise `detail` names both. */
+bool fsn_node_note_identity(struct fsn_nodes *nodes, struct fsn_node *node, uint32_t vendor_id,
+                            uint32_t product_code, uint32_t revision,
+                            char detail[FSN_DETAIL_BYTES]);
+
+/** Checks of check.h and pdo.h; a difference becomes the note of the node.
+ *  @param[in] objects  NULL: it has no CoE. */
+fsn_status fsn_node_write_sdos(struct fsn_nodes *nodes, struct fsn_node *node,
+                               const struct fsn_objects *objects);
+fsn_status fsn_node_check_address(struct fsn_nodes *nodes, struct fsn_node *node,
+                                  const struct fsn_objects *objects, bool *readable);
+/** @param[in] sii_bits  length of a sync manager in the SII; false: it is not checked. */
+fsn_status fsn_node_check_pdos(struct fsn_nodes *nodes, struct fsn_node *node,
+                               const struct fsn_objects *objects,
+                               bool (*sii_bits)(void *bus, const struct fsn_node *node, uint32_t sm,
+                                                uint32_t *bits),
+                               void *bus);
+
+/** Notes why a check of a SubDevice failed; returns `status`. */
+fsn_status fsn_node_note_status(struct fsn_nodes *nodes, struct fsn_node *node, fsn_status status,
+                                const char *detail);
 
 /** The SubDevice is in OP: counts a return if it was away since it was last in OP. */
 void fsn_node_note_op(struct fsn_nodes *nodes, struct fsn_node *node);
 
 /** Refuses because of a node; the detail is its note. */
 fsn_status fsn_node_refuse(struct fsn_fault *fault, fsn_status status, const struct fsn_node *node);
+
+/** Refuses a bus, with a detail; printf-like.   @return status. */
+__attribute__((format(printf, 4, 5))) fsn_status fsn_live_refuse(struct fsn_fault *fault,
+                                                                 fsn_status status,
+                                                                 const char *rule,
+                                                                 const char *format, ...);
 
 /** Checks every node, even after a refused one, so that all can be reported.
  *  @return the first refusal. */

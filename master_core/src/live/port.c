@@ -17,7 +17,7 @@
 #include <sys/un.h>
 #include <unistd.h>
 
-#include "plan/plan_internal.h"
+#include "live/node.h"
 #include "rt/clock.h"
 #include "rt/wire.h"
 
@@ -49,13 +49,14 @@ static fsn_status refuse_system(struct fsn_fault *fault, const char *interface, 
     return fsn_port_refuse(fault, interface, rule, "raw sockets need CAP_NET_RAW");
 }
 
-static fsn_status refuse_detail(struct fsn_fault *fault, fsn_status status, const char *interface,
-                                const char *text) {
-    fsn_refuse_all(fault, status, NULL);
-    if (fault != NULL) {
-        snprintf(fault->detail, sizeof fault->detail, "%s%s", interface, text);
+bool fsn_port_ask(const char *interface, unsigned long what, struct ifreq *request) {
+    const int fd = socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+    snprintf(request->ifr_name, sizeof request->ifr_name, "%s", interface);
+    const bool answered = fd >= 0 && ioctl(fd, what, request) == 0;
+    if (fd >= 0) {
+        close(fd);
     }
-    return status;
+    return answered;
 }
 
 /** Continues after it for own frames, and `others` instructions further for foreign ones. */
@@ -136,12 +137,12 @@ static fsn_status check_mtu(const char *interface, int fd, struct fsn_fault *fau
     if (ioctl(fd, SIOCGIFMTU, &request) != 0 || request.ifr_mtu >= ETHERNET_BYTES) {
         return FSN_OK;
     }
-    fsn_refuse_all(fault, FSN_E_SYS, "EtherCAT frames do not fit through the interface");
+    fsn_live_refuse(fault, FSN_E_SYS, "EtherCAT frames do not fit through the interface",
+                    "%s has an MTU of %d, they need %d", interface, request.ifr_mtu,
+                    ETHERNET_BYTES);
     errno = EMSGSIZE; /* for callers that read errno */
     if (fault != NULL) {
         fault->sys_errno = errno;
-        snprintf(fault->detail, sizeof fault->detail, "%s has an MTU of %d, they need %d",
-                 interface, request.ifr_mtu, ETHERNET_BYTES);
     }
     return FSN_E_SYS;
 }
@@ -167,16 +168,9 @@ static fsn_status open_raw(const char *interface, int *fd, unsigned *number,
     return status;
 }
 
-/* Any socket can be used for requests about an interface; a hardened service may have no
- * AF_INET. */
 uint16_t fsn_port_tag(const char *interface) {
     struct ifreq request = {0};
-    const int fd = socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
-    snprintf(request.ifr_name, sizeof request.ifr_name, "%s", interface);
-    const bool ok = fd >= 0 && ioctl(fd, SIOCGIFHWADDR, &request) == 0;
-    if (fd >= 0) {
-        close(fd);
-    }
+    const bool ok = fsn_port_ask(interface, SIOCGIFHWADDR, &request);
     const uint8_t *address = (const uint8_t *)request.ifr_hwaddr.sa_data;
     return (uint16_t)(ok ? address[4] << 8 | address[5] : 1);
 }
@@ -252,9 +246,10 @@ fsn_status fsn_port_lock(const char *interface, int *lock, struct fsn_fault *fau
     const bool taken = errno == EADDRINUSE;
     close(*lock);
     *lock = -1;
-    return taken ? refuse_detail(fault, FSN_E_BUS_BUSY, interface,
-                                 ": another process of fsoe-net drives this interface")
-                 : refuse_system(fault, interface, "the interface could not be locked");
+    return taken
+               ? fsn_live_refuse(fault, FSN_E_BUS_BUSY, NULL,
+                                 "%s: another process of fsoe-net drives this interface", interface)
+               : refuse_system(fault, interface, "the interface could not be locked");
 }
 
 fsn_status fsn_port_reach(const char *interface, int *fd, struct fsn_fault *fault) {
@@ -269,8 +264,9 @@ fsn_status fsn_port_reach(const char *interface, int *fd, struct fsn_fault *faul
     }
     close(*fd);
     *fd = -1;
-    return refuse_detail(fault, FSN_E_BUS_SILENT, interface,
-                         ": no fsn-master drives this interface and takes a successor");
+    return fsn_live_refuse(fault, FSN_E_BUS_SILENT, NULL,
+                           "%s: no fsn-master drives this interface and takes a successor",
+                           interface);
 }
 
 void fsn_port_discard(int socket) {
@@ -306,9 +302,7 @@ fsn_status fsn_port_listen(const char *interface, uint64_t listen_ns, struct fsn
         BPF_STMT(BPF_RET | BPF_K, 0xFFFF),
         BPF_STMT(BPF_RET | BPF_K, 0),
     };
-    const struct sock_fprog program = {.len = sizeof ethercat / sizeof ethercat[0],
-                                       .filter = ethercat};
-    if (setsockopt(fd, SOL_SOCKET, SO_ATTACH_FILTER, &program, sizeof program) != 0 ||
+    if (attach(fd, ethercat, sizeof ethercat / sizeof ethercat[0]) != 0 ||
         bind_to(fd, number, ETH_P_ALL) != 0) {
         const fsn_status refused = refuse_system(fault, interface, "the raw socket is of no use");
         close(fd);
@@ -316,13 +310,10 @@ fsn_status fsn_port_listen(const char *interface, uint64_t listen_ns, struct fsn
     }
     const unsigned heard = hear(fd, listen_ns);
     close(fd);
-    if (heard == 0) {
-        return FSN_OK;
-    }
-    char text[96];
-    snprintf(text, sizeof text, ": %u EtherCAT packets within %u ms that are not ours", heard,
-             (unsigned)(listen_ns / 1000000u));
-    return refuse_detail(fault, FSN_E_BUS_BUSY, interface, text);
+    return heard == 0 ? FSN_OK
+                      : fsn_live_refuse(fault, FSN_E_BUS_BUSY, NULL,
+                                        "%s: %u EtherCAT packets within %u ms that are not ours",
+                                        interface, heard, (unsigned)(listen_ns / 1000000u));
 }
 
 int fsn_port_try(const char *interface) {
@@ -348,13 +339,7 @@ int fsn_port_try(const char *interface) {
 
 bool fsn_port_has_link(const char *interface) {
     struct ifreq request = {0};
-    const int fd = socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
-    if (fd < 0) {
-        return false;
-    }
-    snprintf(request.ifr_name, sizeof request.ifr_name, "%s", interface);
-    const bool ok = ioctl(fd, SIOCGIFFLAGS, &request) == 0;
-    close(fd);
+    const bool ok = fsn_port_ask(interface, SIOCGIFFLAGS, &request);
     const unsigned flags = (unsigned short)request.ifr_flags;
     return ok && (flags & IFF_UP) != 0 && (flags & IFF_RUNNING) != 0;
 }

@@ -2,14 +2,21 @@
 #ifndef FSN_PORT_H
 #define FSN_PORT_H
 
-#include "fsn/status.h"
 #include <stdbool.h>
 #include <stdint.h>
+
+#include "fsn/status.h"
+
+struct ifreq;
 
 /** Source address of all our frames, which distinguishes them from those of another MainDevice:
  *  FSN_PORT_OURS, two bytes of our choice, the tag. The first SubDevice sets the bit of a locally
  *  administered address, which is already set here. */
 enum { FSN_PORT_OURS = 0x0246, FSN_PORT_SOURCE = 6, FSN_PORT_TAG = 10 };
+
+/** Asks the system about an interface, on a socket that a hardened service also has.
+ *  @param[in,out] request  its name is filled in here.   @return false with errno set. */
+bool fsn_port_ask(const char *interface, unsigned long what, struct ifreq *request);
 
 /** Returns the tag of an interface: it differs from those of other computers, and stays the same
  *  when the bus is started again. */

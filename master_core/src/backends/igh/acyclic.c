@@ -4,7 +4,6 @@
 
 #include "backends/igh/igh.h"
 
-#include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -95,11 +94,10 @@ static fsn_status igh_upload_object(void *context, struct fsn_transfer *t) {
     struct fsn_igh *bus = context;
     size_t size = 0;
     int result = -EINTR;
-    for (int tries = 0; result == -EINTR && tries < MOST_TRIES; tries++) {
-        t->abort_code = 0;
-        result = ecrt_master_sdo_upload(bus->master, (uint16_t)t->position, t->index, t->sub,
-                                        t->data, t->size_bytes, &size, &t->abort_code);
-    }
+    t->abort_code = 0;
+    IGH_CALL(result, MOST_TRIES,
+             ecrt_master_sdo_upload(bus->master, (uint16_t)t->position, t->index, t->sub, t->data,
+                                    t->size_bytes, &size, &t->abort_code));
     if (result == 0) {
         t->size_bytes = size < t->size_bytes ? (uint32_t)size : t->size_bytes;
     }
@@ -109,11 +107,10 @@ static fsn_status igh_upload_object(void *context, struct fsn_transfer *t) {
 static fsn_status igh_download_object(void *context, struct fsn_transfer *t) {
     struct fsn_igh *bus = context;
     int result = -EINTR;
-    for (int tries = 0; result == -EINTR && tries < MOST_TRIES; tries++) {
-        t->abort_code = 0;
-        result = ecrt_master_sdo_download(bus->master, (uint16_t)t->position, t->index, t->sub,
-                                          t->data, t->size_bytes, &t->abort_code);
-    }
+    t->abort_code = 0;
+    IGH_CALL(result, MOST_TRIES,
+             ecrt_master_sdo_download(bus->master, (uint16_t)t->position, t->index, t->sub, t->data,
+                                      t->size_bytes, &t->abort_code));
     return result_of(result, t->abort_code);
 }
 

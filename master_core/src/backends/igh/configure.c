@@ -19,41 +19,51 @@ static fsn_status find_coe(struct fsn_igh *bus, struct igh_node *node) {
     if (!fsn_is_silent(status)) {
         return FSN_OK;
     }
-    igh_note(bus, node, fsn_found_of(status), "%s", detail);
-    return status;
-}
-
-/** IgH writes them again at every start of the SubDevice. Here they are checked, because afterwards
- *  only the kernel log would show an error. */
-static fsn_status write_sdos(struct fsn_igh *bus, struct igh_node *node) {
-    const struct fsn_objects objects = igh_objects(bus, node);
-    char detail[FSN_DETAIL_BYTES];
-    const fsn_status status =
-        fsn_check_sdos(bus->all.plan, &node->known.info, node->coe ? &objects : NULL, detail);
-    if (status != FSN_OK) {
-        igh_note(bus, node, fsn_found_of(status), "%s", detail);
-    }
-    return status;
+    return fsn_node_note_status(&bus->all, &node->known, status, detail);
 }
 
 fsn_status igh_check_address(struct fsn_igh *bus, struct igh_node *node, bool *readable) {
     const struct fsn_objects objects = igh_objects(bus, node);
-    char detail[FSN_DETAIL_BYTES];
-    uint16_t found;
-    const fsn_status status = fsn_check_address(
-        bus->all.plan, node->known.number, node->coe ? &objects : NULL, readable, &found, detail);
-    if (status != FSN_OK) {
-        igh_note(bus, node, fsn_found_of(status), "%s", detail);
-        fsn_node_note_facts(&bus->all, &node->known, found, false);
+    return fsn_node_check_address(&bus->all, &node->known, node->coe ? &objects : NULL, readable);
+}
+
+/** Bits in IgH for a sync manager, as read from the SII; a SubDevice without data is not checked.
+ */
+static bool sii_bits(void *context, const struct fsn_node *node, uint32_t sm, uint32_t *bits) {
+    struct fsn_igh *bus = context;
+    const uint16_t ring = ((const struct igh_node *)node)->ring;
+    const uint8_t number = fsn_read_sm(bus->all.plan, sm).index;
+    ec_sync_info_t sync = {0};
+    *bits = 0;
+    if (ecrt_master_get_sync_manager(bus->master, ring, number, &sync) != 0) {
+        return false;
     }
-    return status;
+    for (unsigned p = 0; p < sync.n_pdos; p++) {
+        ec_pdo_info_t pdo = {0};
+        if (ecrt_master_get_pdo(bus->master, ring, number, (uint16_t)p, &pdo) != 0) {
+            return false;
+        }
+        for (unsigned e = 0; e < pdo.n_entries; e++) {
+            ec_pdo_entry_info_t entry = {0};
+            if (ecrt_master_get_pdo_entry(bus->master, ring, number, (uint16_t)p, (uint16_t)e,
+                                          &entry) != 0) {
+                return false;
+            }
+            *bits += entry.bit_length;
+        }
+    }
+    return *bits != 0;
 }
 
 fsn_status igh_check(struct fsn_igh *bus, struct igh_node *node) {
     FSN_TRY(find_coe(bus, node));
-    FSN_TRY(write_sdos(bus, node));
-    FSN_TRY(igh_check_pdos(bus, node));
-    return igh_check_address(bus, node, &node->address_readable);
+    const struct fsn_objects all = igh_objects(bus, node);
+    const struct fsn_objects *objects = node->coe ? &all : NULL;
+    /* IgH writes the SDOs again at every start of the SubDevice. Here they are checked, and the
+     * process data, because IgH itself prints an error only in the kernel log. */
+    FSN_TRY(fsn_node_write_sdos(&bus->all, &node->known, objects));
+    FSN_TRY(fsn_node_check_pdos(&bus->all, &node->known, objects, sii_bits, bus));
+    return fsn_node_check_address(&bus->all, &node->known, objects, &node->address_readable);
 }
 
 /* -- configuration -------------------------------------------------------------------------- */

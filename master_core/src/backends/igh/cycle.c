@@ -8,7 +8,6 @@
 
 #include "backends/igh/igh.h"
 
-#include <errno.h>
 #include <string.h>
 
 #include "rt/clock.h"
@@ -23,9 +22,7 @@ static const uint64_t epoch_ns = UINT64_C(946684800) * NS_PER_S;
 /** If this fails, no frame has arrived, and the domains show it. */
 static void receive_frames(struct fsn_igh *bus) {
     int result = -EINTR;
-    for (int tries = 0; result == -EINTR && tries < TRIES; tries++) {
-        result = ecrt_master_receive(bus->master);
-    }
+    IGH_CALL(result, TRIES, ecrt_master_receive(bus->master));
 }
 
 /** Updates which domains are complete; returns whether all that were sent are. A domain that was
@@ -114,9 +111,7 @@ void igh_receive(void *context, struct fsn_bus_input *input) {
 
 static bool queue(const struct igh_area *area) {
     int result = -EINTR;
-    for (int tries = 0; result == -EINTR && tries < TRIES; tries++) {
-        result = ecrt_domain_queue(area->domain);
-    }
+    IGH_CALL(result, TRIES, ecrt_domain_queue(area->domain));
     return result == 0;
 }
 
@@ -155,8 +150,6 @@ void igh_send(void *context) {
         tell_time(bus);
     }
     int result = -EINTR;
-    for (int tries = 0; result == -EINTR && tries < TRIES; tries++) {
-        result = ecrt_master_send(bus->master);
-    }
+    IGH_CALL(result, TRIES, ecrt_master_send(bus->master));
     bus->sent = true;
 }

@@ -3,7 +3,6 @@
 
 #include "backends/igh/igh.h"
 
-#include <errno.h>
 #include <stdio.h>
 #include <string.h>
 #include <time.h>
@@ -30,9 +29,7 @@ static bool is_read(const ec_slave_info_t *slave) {
 /* If a signal interrupts the call, the place is not empty. */
 bool igh_slave(const struct fsn_igh *bus, uint16_t ring, ec_slave_info_t *slave) {
     int result = -EINTR;
-    for (int tries = 0; result == -EINTR && tries < MOST_TRIES; tries++) {
-        result = ecrt_master_get_slave(bus->master, ring, slave);
-    }
+    IGH_CALL(result, MOST_TRIES, ecrt_master_get_slave(bus->master, ring, slave));
     return result == 0;
 }
 
@@ -40,13 +37,8 @@ bool igh_slave(const struct fsn_igh *bus, uint16_t ring, ec_slave_info_t *slave)
  * here. */
 bool igh_note_identity(struct fsn_igh *bus, struct igh_node *node, const ec_slave_info_t *slave) {
     char detail[FSN_DETAIL_BYTES];
-    pthread_mutex_lock(&bus->all.lock);
-    node->known.seen.vendor_id = slave->vendor_id;
-    node->known.seen.product_code = slave->product_code;
-    node->known.seen.revision = slave->revision_number;
-    pthread_mutex_unlock(&bus->all.lock);
-    if (fsn_check_identity(&node->known.info, slave->vendor_id, slave->product_code,
-                           slave->revision_number, detail)) {
+    if (fsn_node_note_identity(&bus->all, &node->known, slave->vendor_id, slave->product_code,
+                               slave->revision_number, detail)) {
         return true;
     }
     if (!is_read(slave)) {
@@ -89,12 +81,11 @@ static fsn_status wait_for_scan(struct fsn_igh *bus, ec_master_info_t *master,
 }
 
 static fsn_status nobody(const struct fsn_igh *bus, bool link_up, struct fsn_fault *fault) {
-    fsn_refuse_all(fault, FSN_E_BUS_SILENT, NULL);
+    fsn_live_refuse(fault, FSN_E_BUS_SILENT, NULL, "master %u %s", bus->index,
+                    link_up ? "has a link, but no EtherCAT SubDevice answers on it"
+                            : "has no link: cable, power of the SubDevices, `ip link set ... up`");
     if (fault != NULL) {
         fault->link_down = !link_up;
-        snprintf(fault->detail, sizeof fault->detail, "master %u %s", bus->index,
-                 link_up ? "has a link, but no EtherCAT SubDevice answers on it"
-                         : "has no link: cable, power of the SubDevices, `ip link set ... up`");
     }
     return FSN_E_BUS_SILENT;
 }
@@ -126,9 +117,7 @@ static fsn_status match(struct fsn_igh *bus, unsigned slave_count, struct fsn_fa
  *  found before. */
 static fsn_status reserve(struct fsn_igh *bus, struct fsn_fault *fault) {
     int result = -EINTR;
-    for (int tries = 0; result == -EINTR && tries < MOST_TRIES; tries++) {
-        result = ecrt_master_reserve(bus->master);
-    }
+    IGH_CALL(result, MOST_TRIES, ecrt_master_reserve(bus->master));
     if (result == -EBUSY) {
         return fsn_refuse_all(fault, FSN_E_BUS_BUSY,
                               "another program has this master of IgH in use");

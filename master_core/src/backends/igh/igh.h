@@ -11,10 +11,10 @@
 #ifndef FSN_IGH_INTERNAL_H
 #define FSN_IGH_INTERNAL_H
 
+#include <errno.h>
 #include <stdatomic.h>
 
 #include "fsn/live.h"
-#include "live/check.h"
 #include "live/node.h"
 
 #include <ecrt.h>
@@ -85,6 +85,11 @@ struct fsn_igh {
     bool all_there;
 };
 
+/** Repeats a call of ecrt.h while a signal interrupts it, `most` times. */
+#define IGH_CALL(result, most, call)                                                               \
+    for (int igh_calls = 0; igh_calls < (most) && ((result) = (call)) == -EINTR; igh_calls++) {    \
+    }
+
 /** Stores a note about a node; printf-like. */
 #define igh_note(bus, node, ...) fsn_node_note(&(bus)->all, &(node)->known, __VA_ARGS__)
 
@@ -112,9 +117,6 @@ fsn_status igh_configure(struct fsn_igh *bus, struct igh_node *node);
 /** Compares the FSoE address with the plan.
  *  @param[out] readable  whether it could be read. */
 fsn_status igh_check_address(struct fsn_igh *bus, struct igh_node *node, bool *readable);
-
-/* Compares process data of one SubDevice with the plan (pdo.c). */
-fsn_status igh_check_pdos(struct fsn_igh *bus, struct igh_node *node);
 
 /* The cycle (cycle.c). */
 void igh_receive(void *context, struct fsn_bus_input *input);

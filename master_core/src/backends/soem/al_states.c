@@ -12,6 +12,7 @@ enum {
     LINK_BYTES = 20,       /**< 0x0300 … 0x0313 */
     REG_LINK_LOST = 0x10,  /**< from 0x0300 on */
     STATE_BITS = 0x0F,
+    AT_ONCE = 32, /**< registers read with one frame */
 };
 
 /** Timeout for a requested state: most take milliseconds, some drives 3 s. */
@@ -44,7 +45,6 @@ static void note_loss(struct fsn_soem *bus, struct node *node) {
                   linked);
         return;
     }
-    const int named = bus->places[before].node;
     uint16_t links = 0;
     const bool known = ecx_FPRD(bus->context.port, bus->slaves[before].configadr, ECT_REG_DLSTAT,
                                 sizeof links, &links, EC_TIMEOUTRET) == 1;
@@ -57,8 +57,7 @@ static void note_loss(struct fsn_soem *bus, struct node *node) {
                                 (links & (0x10u << port)) != 0)) {
         port++;
     }
-    const char *name =
-        named == SOEM_NO_NODE ? bus->slaves[before].name : bus->nodes[named].known.info.name;
+    const char *name = soem_name_at(bus, before);
     if (port < FSN_PORTS) {
         soem_note(bus, node, FSN_FOUND_NOTHING,
                   "the link after %.40s (ring position %u, port %u) is down", name, before - 1u,
@@ -129,12 +128,11 @@ static void see(struct fsn_soem *bus, uint16_t slave, uint16_t status, uint16_t 
     }
 }
 
-void soem_read_each(struct fsn_soem *bus, uint16_t first, uint16_t count, uint16_t address,
-                    uint16_t size_bytes, void *values) {
+static void read_some(struct fsn_soem *bus, uint16_t first, uint16_t count, uint16_t address,
+                      uint16_t size_bytes, uint8 *value) {
     ecx_portt *port = bus->context.port;
-    uint16 places[SOEM_AT_ONCE] = {EC_HEADERSIZE};
-    uint8 *value = values;
-    memset(values, 0, (size_t)count * size_bytes);
+    uint16 places[AT_ONCE] = {EC_HEADERSIZE};
+    memset(value, 0, (size_t)count * size_bytes);
     soem_drain(bus);
     const uint8 index = ecx_getindex(port);
     ecx_setupdatagram(port, &port->txbuf[index], EC_CMD_FPRD, index, bus->slaves[first].configadr,
@@ -155,17 +153,20 @@ void soem_read_each(struct fsn_soem *bus, uint16_t first, uint16_t count, uint16
     ecx_setbufstat(port, index, EC_BUF_EMPTY);
 }
 
+void soem_read_each(struct fsn_soem *bus, uint16_t first, uint16_t count, uint16_t address,
+                    uint16_t size_bytes, void *values) {
+    for (uint16_t done = 0; done < count; done = (uint16_t)(done + AT_ONCE)) {
+        const uint16_t left = (uint16_t)(count - done);
+        read_some(bus, (uint16_t)(first + done), left < AT_ONCE ? left : (uint16_t)AT_ONCE, address,
+                  size_bytes, (uint8 *)values + (size_t)done * size_bytes);
+    }
+}
+
 static void poll_states(struct fsn_soem *bus) {
-    const uint16_t all = (uint16_t)bus->slave_count;
-    for (uint16_t first = 1; first <= all; first = (uint16_t)(first + SOEM_AT_ONCE)) {
-        ec_alstatust states[SOEM_AT_ONCE];
-        const int left = all - first + 1;
-        const uint16_t count = (uint16_t)(left < SOEM_AT_ONCE ? left : SOEM_AT_ONCE);
-        soem_read_each(bus, first, count, ECT_REG_ALSTAT, sizeof *states, states);
-        for (uint16_t i = 0; i < count; i++) {
-            see(bus, (uint16_t)(first + i), etohs(states[i].alstatus),
-                etohs(states[i].alstatuscode));
-        }
+    ec_alstatust states[SOEM_MOST_SLAVES];
+    soem_read_each(bus, 1, (uint16_t)bus->slave_count, ECT_REG_ALSTAT, sizeof *states, states + 1);
+    for (uint16_t slave = 1; slave <= bus->slave_count; slave++) {
+        see(bus, slave, etohs(states[slave].alstatus), etohs(states[slave].alstatuscode));
     }
 }
 

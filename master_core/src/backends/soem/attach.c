@@ -86,10 +86,8 @@ static fsn_status match(struct fsn_soem *bus, struct fsn_fault *fault) {
             return fsn_node_refuse(fault, FSN_E_BUS_MISSING, &node->known);
         }
         bus->places[node->slave].node = (int)n;
-        node->known.seen.vendor_id = s->eep_man;
-        node->known.seen.product_code = s->eep_id;
-        node->known.seen.revision = s->eep_rev;
-        if (!fsn_check_identity(&node->known.info, s->eep_man, s->eep_id, s->eep_rev, detail)) {
+        if (!fsn_node_note_identity(&bus->all, &node->known, s->eep_man, s->eep_id, s->eep_rev,
+                                    detail)) {
             soem_note(bus, node, FSN_FOUND_IDENTITY, "%s", detail);
             return fsn_node_refuse(fault, FSN_E_BUS_IDENTITY, &node->known);
         }

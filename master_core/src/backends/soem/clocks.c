@@ -27,16 +27,6 @@ enum {
 
 static const uint64_t try_ns = 2000000000u;
 
-static struct node *node_at(const struct fsn_soem *bus, uint16_t slave) {
-    const int node = bus->places[slave].node;
-    return node == SOEM_NO_NODE ? NULL : &bus->nodes[node];
-}
-
-static const char *name_of(const struct fsn_soem *bus, uint16_t slave) {
-    const struct node *node = node_at(bus, slave);
-    return node != NULL ? node->known.info.name : bus->slaves[slave].name;
-}
-
 static uint16_t reference(const struct fsn_soem *bus) {
     const uint16_t station = atomic_load(&bus->frames.wire.dc_station);
     uint16_t slave = 1;
@@ -49,8 +39,8 @@ static uint16_t reference(const struct fsn_soem *bus) {
 /* -- differences ---------------------------------------------------------------------------- */
 
 /** Only clocks with SYNC0 count; if there are none, all clocks of the plan. */
-static bool counts(const struct fsn_soem *bus, uint16_t slave, uint16_t of) {
-    const struct node *node = node_at(bus, slave);
+static bool counts(struct fsn_soem *bus, uint16_t slave, uint16_t of) {
+    const struct node *node = soem_node_at(bus, slave);
     return node != NULL && slave != of && bus->slaves[slave].hasdc &&
            (!bus->dc_needed || node->known.info.assign_activate != 0);
 }
@@ -62,26 +52,21 @@ static bool counts(const struct fsn_soem *bus, uint16_t slave, uint16_t of) {
 static uint16_t look(struct fsn_soem *bus, uint16_t of, bool running, struct fsn_bus_clocks *c) {
     uint16_t worst = 0;
     c->subdevices = c->outside = c->worst_ns = 0;
-    for (uint16_t first = 1; first <= bus->slave_count; first = (uint16_t)(first + SOEM_AT_ONCE)) {
-        uint8_t values[SOEM_AT_ONCE][READING_BYTES];
-        const int left = bus->slave_count - first + 1;
-        const uint16_t count = (uint16_t)(left < SOEM_AT_ONCE ? left : SOEM_AT_ONCE);
-        soem_read_each(bus, first, count, ECT_REG_DCSYSDIFF, READING_BYTES, values);
-        for (uint16_t i = 0; i < count; i++) {
-            const uint16_t slave = (uint16_t)(first + i);
-            const bool answers = fsn_get16(values[i] + 4) != 0;
-            if (!counts(bus, slave, of) ||
-                (running && ((bus->places[slave].al_status & 0x0F) < FSN_AL_SAFEOP || !answers))) {
-                continue;
-            }
-            /* The meaning of the highest bit as a sign differs between controllers. */
-            const uint32_t apart = answers ? fsn_get32(values[i]) & INT32_MAX : INT32_MAX;
-            c->subdevices++;
-            c->outside += apart > c->window_ns;
-            if (apart > c->worst_ns) {
-                c->worst_ns = apart;
-                worst = slave;
-            }
+    uint8_t values[SOEM_MOST_SLAVES][READING_BYTES];
+    soem_read_each(bus, 1, (uint16_t)bus->slave_count, ECT_REG_DCSYSDIFF, READING_BYTES, values[1]);
+    for (uint16_t slave = 1; slave <= bus->slave_count; slave++) {
+        const bool answers = fsn_get16(values[slave] + 4) != 0;
+        if (!counts(bus, slave, of) ||
+            (running && ((bus->places[slave].al_status & 0x0F) < FSN_AL_SAFEOP || !answers))) {
+            continue;
+        }
+        /* The meaning of the highest bit as a sign differs between controllers. */
+        const uint32_t apart = answers ? fsn_get32(values[slave]) & INT32_MAX : INT32_MAX;
+        c->subdevices++;
+        c->outside += apart > c->window_ns;
+        if (apart > c->worst_ns) {
+            c->worst_ns = apart;
+            worst = slave;
         }
     }
     return c->outside > 0 ? worst : 0;
@@ -143,7 +128,7 @@ static void believe_no_missing_link(struct fsn_soem *bus) {
 
 static fsn_status refuse(struct fsn_soem *bus, uint16_t slave, struct fsn_fault *fault,
                          const char *why) {
-    struct node *node = node_at(bus, slave);
+    struct node *node = soem_node_at(bus, slave);
     if (node == NULL) { /* the reference, which the plan need not name */
         return fsn_refuse_all(fault, FSN_E_BUS_CLOCK, "the reference clock does not answer");
     }
@@ -195,7 +180,7 @@ fsn_status soem_start_clocks(struct fsn_soem *bus, struct fsn_fault *fault) {
     }
     char why[FSN_DETAIL_BYTES];
     snprintf(why, sizeof why, "its clock is %u ns from the reference clock (%.40s) after %d tries",
-             (unsigned)bus->clocks.worst_ns, name_of(bus, bus->slaves[0].DCnext), TRIES);
+             (unsigned)bus->clocks.worst_ns, soem_name_at(bus, bus->slaves[0].DCnext), TRIES);
     return refuse(bus, worst, fault, why);
 }
 
@@ -260,16 +245,13 @@ static bool settles(struct fsn_soem *bus, const struct node *node) {
 
 /** Writes offset and delay, and restarts the mean difference. */
 static void write_offset(struct fsn_soem *bus, uint16_t slave, uint64_t offset_ns) {
-    const ec_slavet *s = &bus->slaves[slave];
-    uint64_t offset = htoell(offset_ns);
-    uint32_t delay = htoel((uint32_t)s->pdelay);
-    uint16_t loop = htoes(LOOP_DEFAULT);
-    bus->places[slave].unset = ecx_FPWR(bus->context.port, s->configadr, ECT_REG_DCSYSOFFSET,
-                                        sizeof offset, &offset, EC_TIMEOUTRET3) != 1 ||
-                               ecx_FPWR(bus->context.port, s->configadr, ECT_REG_DCSYSDELAY,
-                                        sizeof delay, &delay, EC_TIMEOUTRET3) != 1 ||
-                               ecx_FPWR(bus->context.port, s->configadr, REG_LOOP, sizeof loop,
-                                        &loop, EC_TIMEOUTRET3) != 1;
+    const uint64_t offset = htoell(offset_ns);
+    const uint32_t delay = htoel((uint32_t)bus->slaves[slave].pdelay);
+    const uint16_t loop = htoes(LOOP_DEFAULT);
+    bus->places[slave].unset =
+        !soem_write(bus, slave, ECT_REG_DCSYSOFFSET, &offset, sizeof offset) ||
+        !soem_write(bus, slave, ECT_REG_DCSYSDELAY, &delay, sizeof delay) ||
+        !soem_write(bus, slave, REG_LOOP, &loop, sizeof loop);
 }
 
 /** Sets a clock that follows the reference on the ring. */
@@ -331,7 +313,7 @@ void soem_keep_reference(struct fsn_soem *bus) {
     }
     for (uint16_t s = 1; s <= bus->slave_count && found != 0; s++) {
         /* Those of the plan are set when they are configured. */
-        if (bus->places[s].unset && bus->places[s].al_status != 0 && node_at(bus, s) == NULL) {
+        if (bus->places[s].unset && bus->places[s].al_status != 0 && soem_node_at(bus, s) == NULL) {
             set_after(bus, s, found);
         }
     }
@@ -367,22 +349,14 @@ fsn_status soem_set_clock(struct fsn_soem *bus, struct node *node) {
         return FSN_OK;
     }
     soem_note(bus, node, FSN_FOUND_CLOCK, "it does not follow the reference clock (%.40s)",
-              name_of(bus, of));
+              soem_name_at(bus, of));
     return FSN_E_BUS_CLOCK;
-}
-
-/** Writes registers of the clock unit; false if they were not accepted. */
-static bool put(struct fsn_soem *bus, uint16_t station, uint16_t address, const uint8_t *bytes,
-                uint16_t size) {
-    return ecx_FPWR(bus->context.port, station, address, size, (void *)(uintptr_t)bytes,
-                    EC_TIMEOUTRET3) == 1;
 }
 
 /** One try: the first pulse on a whole multiple of the cycle, as that of all others. The multiple
  *  is one of the time that the cycle follows: a clock of 32 bits has only the lower part of it, and
  *  the upper part of 64-bit clocks may differ between them. */
 static bool start_pulses(struct fsn_soem *bus, const struct node *node) {
-    const uint16_t station = bus->slaves[node->slave].configadr;
     const uint64_t cycle = bus->cycle_ns;
     uint64_t shown = 0;
     uint64_t now = 0;
@@ -390,7 +364,7 @@ static bool start_pulses(struct fsn_soem *bus, const struct node *node) {
     uint8_t cycles[8] = {0}; /* SYNC0, then SYNC1 at the same time */
     uint8_t start[8];
     soem_drain(bus);
-    if (!put(bus, station, ECT_REG_DCCUC, word, sizeof word) ||
+    if (!soem_write(bus, node->slave, ECT_REG_DCCUC, word, sizeof word) ||
         !soem_read_surely(bus, node->slave, ECT_REG_DCSYSTIME, &shown, sizeof shown)) {
         return false;
     }
@@ -401,9 +375,9 @@ static bool start_pulses(struct fsn_soem *bus, const struct node *node) {
     fsn_put32(cycles, (uint32_t)cycle);
     fsn_put64(start, shown + (first - time));
     fsn_put16(word, node->known.info.assign_activate);
-    return put(bus, station, ECT_REG_DCCYCLE0, cycles, sizeof cycles) &&
-           put(bus, station, ECT_REG_DCSTART0, start, sizeof start) &&
-           put(bus, station, ECT_REG_DCCUC, word, sizeof word) &&
+    return soem_write(bus, node->slave, ECT_REG_DCCYCLE0, cycles, sizeof cycles) &&
+           soem_write(bus, node->slave, ECT_REG_DCSTART0, start, sizeof start) &&
+           soem_write(bus, node->slave, ECT_REG_DCCUC, word, sizeof word) &&
            soem_read_surely(bus, node->slave, ECT_REG_DCSYSTIME, &now, sizeof now) &&
            /* otherwise this machine was too slow, and it would not pulse before its time wraps */
            (uint32_t)(etohll(now) - shown) < first - time;
@@ -431,12 +405,12 @@ fsn_status soem_start_sync(struct fsn_soem *bus, struct node *node) {
  *  all have stayed within half of it for 3 s. */
 static void judge(struct fsn_soem *bus, uint16_t of, struct fsn_bus_clocks *c) {
     const uint16_t worst = look(bus, of, true, c);
-    snprintf(c->reference, sizeof c->reference, "%.60s", name_of(bus, of));
+    snprintf(c->reference, sizeof c->reference, "%.60s", soem_name_at(bus, of));
     bus->clocks_calm = c->worst_ns <= c->window_ns / 2 ? bus->clocks_calm + 1 : 0;
     if (worst != 0) {
         c->leaves += c->state != FSN_CLOCKS_APART;
         c->state = FSN_CLOCKS_APART;
-        snprintf(c->place, sizeof c->place, "%.60s is %u ns from %.60s", name_of(bus, worst),
+        snprintf(c->place, sizeof c->place, "%.60s is %u ns from %.60s", soem_name_at(bus, worst),
                  (unsigned)c->worst_ns, c->reference);
     } else if (c->subdevices == 0) {
         c->state = FSN_CLOCKS_UNKNOWN;

@@ -11,59 +11,42 @@ enum {
     SM_WATCHDOG = 0x40,
     SM_OUTPUT = 0x24,
     SM_INPUT = 0x20,
+    RX_CATEGORY = 1, /**< of ecx_siiPDO: outputs */
+    TX_CATEGORY = 0,
 };
 
-/* -- objects -------------------------------------------------------------------------------- */
-
-static fsn_status write_sdos(struct fsn_soem *bus, struct node *node) {
-    const struct fsn_objects objects = soem_objects(bus, node->slave);
-    const bool coe = soem_has_coe(bus, node->slave);
-    char detail[FSN_DETAIL_BYTES];
-    const fsn_status status =
-        fsn_check_sdos(bus->all.plan, &node->known.info, coe ? &objects : NULL, detail);
-    if (status != FSN_OK) {
-        soem_note(bus, node, fsn_found_of(status), "%s", detail);
+/** Bits of a sync manager by the SII. A SubDevice whose SII has no process data is not checked. */
+static bool sii_bits(void *context, const struct fsn_node *known, uint32_t sm, uint32_t *bits) {
+    struct fsn_soem *bus = context;
+    const struct node *node = (const struct node *)known;
+    const struct fsn_sm_record r = fsn_read_sm(bus->all.plan, sm);
+    ec_eepromPDOt *sii = &bus->eeprom_pdo;
+    if ((bus->slaves[node->slave].mbx_l > 0 && r.index < 2) || r.index >= EC_MAXSM) {
+        return false; /* a mailbox */
     }
-    return status;
-}
-
-static fsn_status check_address(struct fsn_soem *bus, struct node *node) {
-    const struct fsn_objects objects = soem_objects(bus, node->slave);
-    const bool coe = soem_has_coe(bus, node->slave);
-    char detail[FSN_DETAIL_BYTES];
-    bool readable;
-    uint16_t found;
-    const fsn_status status = fsn_check_address(bus->all.plan, node->known.number,
-                                                coe ? &objects : NULL, &readable, &found, detail);
-    if (status != FSN_OK) {
-        soem_note(bus, node, fsn_found_of(status), "%s", detail);
-        fsn_node_note_facts(&bus->all, &node->known, found, false);
-    }
-    return status;
+    memset(sii, 0, sizeof *sii);
+    ecx_siiPDO(&bus->context, node->slave, sii,
+               r.direction == FSN_OUTPUT ? RX_CATEGORY : TX_CATEGORY);
+    *bits = sii->SMbitsize[r.index];
+    return sii->Startpos != 0;
 }
 
 /* -- registers ------------------------------------------------------------------------------ */
 
-typedef bool (*use_fn)(struct fsn_soem *bus, const struct node *node, uint16_t address,
-                       const uint8_t *data, uint16_t size);
-
-static bool write_register(struct fsn_soem *bus, const struct node *node, uint16_t address,
-                           const uint8_t *data, uint16_t size) {
-    return ecx_FPWR(bus->context.port, bus->slaves[node->slave].configadr, address, size,
-                    (void *)(uintptr_t)data, EC_TIMEOUTRET3) == 1;
-}
+typedef bool (*use_fn)(struct fsn_soem *bus, uint16_t slave, uint16_t address, const void *data,
+                       uint16_t size);
 
 /** Whether registers already have these bytes; for a sync manager, without its status and PDI
  *  byte. */
-static bool same_register(struct fsn_soem *bus, const struct node *node, uint16_t address,
-                          const uint8_t *data, uint16_t size) {
+static bool same_register(struct fsn_soem *bus, uint16_t slave, uint16_t address, const void *data,
+                          uint16_t size) {
     uint8_t found[MOST_FMMUS * FMMU_BYTES] = {0};
-    if (!soem_read_surely(bus, node->slave, address, found, size)) {
+    if (!soem_read_surely(bus, slave, address, found, size)) {
         return false;
     }
     if (size == SM_BYTES) {
-        found[5] = data[5];
-        found[7] = data[7];
+        found[5] = ((const uint8_t *)data)[5];
+        found[7] = ((const uint8_t *)data)[7];
     }
     return memcmp(found, data, size) == 0;
 }
@@ -94,7 +77,7 @@ static fsn_status use_sm(struct fsn_soem *bus, struct node *node, uint32_t sm, u
     fsn_put16(bytes + 2, fsn_sm_bytes(bus->all.plan, sm));
     bytes[4] = control;
     bytes[6] = fsn_sm_bytes(bus->all.plan, sm) > 0;
-    return use(bus, node, (uint16_t)(ECT_REG_SM0 + SM_BYTES * number), bytes, SM_BYTES)
+    return use(bus, node->slave, (uint16_t)(ECT_REG_SM0 + SM_BYTES * number), bytes, SM_BYTES)
                ? FSN_OK
                : FSN_E_BUS_STATE;
 }
@@ -138,13 +121,9 @@ static fsn_status use_layout(struct fsn_soem *bus, struct node *node, use_fn use
                   r.direction == FSN_OUTPUT);
     }
     return available == 0 ||
-                   use(bus, node, ECT_REG_FMMU0, fmmus, (uint16_t)(FMMU_BYTES * available))
+                   use(bus, node->slave, ECT_REG_FMMU0, fmmus, (uint16_t)(FMMU_BYTES * available))
                ? FSN_OK
                : FSN_E_BUS_STATE;
-}
-
-static fsn_status write_layout(struct fsn_soem *bus, struct node *node) {
-    return use_layout(bus, node, write_register);
 }
 
 fsn_status soem_compare_layout(struct fsn_soem *bus, struct node *node) {
@@ -163,17 +142,17 @@ fsn_status soem_compare_layout(struct fsn_soem *bus, struct node *node) {
 }
 
 fsn_status soem_configure(struct fsn_soem *bus, struct node *node) {
-    typedef fsn_status (*step)(struct fsn_soem *, struct node *);
-    static const step steps[] = {write_sdos, soem_check_pdos, check_address, write_layout};
-    for (size_t i = 0; i < sizeof steps / sizeof steps[0]; i++) {
-        const fsn_status status = steps[i](bus, node);
-        if (status == FSN_E_BUS_STATE) {
-            soem_note(bus, node, FSN_FOUND_STATE, "it does not take its sync managers or FMMUs");
-        }
-        if (status != FSN_OK) {
-            return status;
-        }
+    const struct fsn_objects all = soem_objects(bus, node->slave);
+    const struct fsn_objects *objects = soem_has_coe(bus, node->slave) ? &all : NULL;
+    bool readable;
+    FSN_TRY(fsn_node_write_sdos(&bus->all, &node->known, objects));
+    FSN_TRY(fsn_node_check_pdos(&bus->all, &node->known, objects, sii_bits, bus));
+    FSN_TRY(fsn_node_check_address(&bus->all, &node->known, objects, &readable));
+    const fsn_status status = use_layout(bus, node, soem_write);
+    if (status == FSN_E_BUS_STATE) {
+        soem_note(bus, node, FSN_FOUND_STATE, "it does not take its sync managers or FMMUs");
     }
+    FSN_TRY(status);
     ecx_eeprom2pdi(&bus->context, node->slave);
     /* At the start, all clocks were set together. */
     if (bus->goal != 0) {

@@ -53,13 +53,8 @@ static struct identity read_identity(struct fsn_soem *bus, uint16_t slave) {
 static fsn_status note_who_answers(struct fsn_soem *bus, struct node *node, uint16_t slave,
                                    struct identity found) {
     char detail[FSN_DETAIL_BYTES];
-    pthread_mutex_lock(&bus->all.lock);
-    node->known.seen.vendor_id = found.vendor;
-    node->known.seen.product_code = found.product;
-    node->known.seen.revision = found.revision;
-    pthread_mutex_unlock(&bus->all.lock);
-    if (fsn_check_identity(&node->known.info, found.vendor, found.product, found.revision,
-                           detail)) {
+    if (fsn_node_note_identity(&bus->all, &node->known, found.vendor, found.product, found.revision,
+                               detail)) {
         soem_note(bus, node, FSN_FOUND_RIGHT, "%s", "");
         return FSN_OK;
     }
@@ -79,17 +74,16 @@ static fsn_status nobody(const struct fsn_soem *bus, struct fsn_fault *fault) {
     const int error = fsn_port_try(bus->interface);
     char linked[SOEM_LINKS_BYTES];
     const bool any = soem_links(bus, linked);
-    fsn_refuse_all(fault, FSN_E_BUS_SILENT, NULL);
+    if (error != 0 && fsn_port_has_link(bus->interface)) {
+        fsn_live_refuse(fault, FSN_E_BUS_SILENT, NULL, "frames cannot be sent on %s: %s",
+                        bus->interface, strerror(error));
+    } else {
+        fsn_live_refuse(fault, FSN_E_BUS_SILENT, NULL, "%s%s", linked,
+                        any ? ", but no EtherCAT SubDevice answers on it"
+                            : ": cable, power of the SubDevices, `ip link set ... up`");
+    }
     if (fault != NULL) {
         fault->link_down = !any;
-    }
-    if (fault != NULL && error != 0 && fsn_port_has_link(bus->interface)) {
-        snprintf(fault->detail, sizeof fault->detail, "frames cannot be sent on %s: %s",
-                 bus->interface, strerror(error));
-    } else if (fault != NULL) {
-        snprintf(fault->detail, sizeof fault->detail, "%s%s", linked,
-                 any ? ", but no EtherCAT SubDevice answers on it"
-                     : ": cable, power of the SubDevices, `ip link set ... up`");
     }
     return FSN_E_BUS_SILENT;
 }

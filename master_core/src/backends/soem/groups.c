@@ -150,10 +150,8 @@ static bool take_in(struct fsn_soem *bus, struct node *node, uint16_t at) {
                      .topology = 1};
     snprintf(s->name, sizeof s->name, "%.*s", EC_MAXNAME, node->known.info.name);
     if (!soem_set_station(bus, at, station) ||
-        ecx_FPWR(bus->context.port, station, ECT_REG_FMMU0, OLD_FMMUS, (void *)(uintptr_t)nothing,
-                 EC_TIMEOUTRET3) != 1 ||
-        ecx_FPWR(bus->context.port, station, ECT_REG_SM0, OLD_SMS, (void *)(uintptr_t)nothing,
-                 EC_TIMEOUTRET3) != 1 ||
+        !soem_write(bus, node->slave, ECT_REG_FMMU0, nothing, OLD_FMMUS) ||
+        !soem_write(bus, node->slave, ECT_REG_SM0, nothing, OLD_SMS) ||
         !soem_reach(bus, node->slave, FSN_AL_INIT, INIT_MS)) {
         return false;
     }

@@ -33,11 +33,7 @@ static struct fsn_ring_counts counts_of(const struct fsn_wire *wire) {
 /** Reads the links of all SubDevices; 0 without an answer. Returns whether all answered. */
 static bool read_links(struct fsn_soem *bus, uint16_t links[SOEM_MOST_SLAVES]) {
     bool whole = true;
-    for (int first = 1; first <= bus->slave_count; first += SOEM_AT_ONCE) {
-        const int left = bus->slave_count - first + 1;
-        soem_read_each(bus, (uint16_t)first, (uint16_t)(left < SOEM_AT_ONCE ? left : SOEM_AT_ONCE),
-                       ECT_REG_DLSTAT, sizeof *links, links + first);
-    }
+    soem_read_each(bus, 1, (uint16_t)bus->slave_count, ECT_REG_DLSTAT, sizeof *links, links + 1);
     for (int s = 1; s <= bus->slave_count; s++) {
         links[s] = (uint16_t)(etohs(links[s]) >> 4 & 0x0F);
         whole = whole && links[s] != 0;
@@ -56,11 +52,6 @@ static void keep_links(struct fsn_soem *bus) {
     bus->links_kept = true;
 }
 
-static const char *name_of(const struct fsn_soem *bus, int slave) {
-    const int node = bus->places[slave].node;
-    return node == SOEM_NO_NODE ? bus->slaves[slave].name : bus->nodes[node].known.info.name;
-}
-
 static void find_gaps(struct fsn_soem *bus, const struct fsn_ring_end ends[2],
                       char place[FSN_DETAIL_BYTES]) {
     uint16_t links[SOEM_MOST_SLAVES];
@@ -69,7 +60,7 @@ static void find_gaps(struct fsn_soem *bus, const struct fsn_ring_end ends[2],
     for (int s = 1; s <= bus->slave_count; s++) {
         /* A lost answer does not mean a lost SubDevice: its AL state decides. */
         const uint8_t had = bus->places[s].had;
-        members[s - 1] = (struct fsn_ring_member){.name = name_of(bus, s),
+        members[s - 1] = (struct fsn_ring_member){.name = soem_name_at(bus, (uint16_t)s),
                                                   .answers = bus->places[s].al_status != 0,
                                                   .had = had,
                                                   .has = links[s] != 0 ? (uint8_t)links[s] : had};

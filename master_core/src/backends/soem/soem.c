@@ -53,10 +53,25 @@ bool soem_reach(struct fsn_soem *bus, uint16_t slave, uint8_t al_state, unsigned
 void soem_prepare_mailbox(struct fsn_soem *bus, uint16_t slave) {
     ec_slavet *s = &bus->slaves[slave];
     if (s->mbx_l > 0) {
-        (void)ecx_FPWR(bus->context.port, s->configadr, ECT_REG_SM0, sizeof(ec_smt) * 2, s->SM,
-                       EC_TIMEOUTRET3);
+        (void)soem_write(bus, slave, ECT_REG_SM0, s->SM, 2 * sizeof(ec_smt));
     }
     ecx_eeprom2pdi(&bus->context, slave);
+}
+
+bool soem_write(struct fsn_soem *bus, uint16_t slave, uint16_t address, const void *data,
+                uint16_t size_bytes) {
+    return ecx_FPWR(bus->context.port, bus->slaves[slave].configadr, address, size_bytes,
+                    (void *)(uintptr_t)data, EC_TIMEOUTRET3) == 1;
+}
+
+struct node *soem_node_at(struct fsn_soem *bus, uint16_t slave) {
+    const int node = bus->places[slave].node;
+    return node == SOEM_NO_NODE ? NULL : &bus->nodes[node];
+}
+
+const char *soem_name_at(const struct fsn_soem *bus, uint16_t slave) {
+    const int node = bus->places[slave].node;
+    return node == SOEM_NO_NODE ? bus->slaves[slave].name : bus->nodes[node].known.info.name;
 }
 
 /* -- life ----------------------------------------------------------------------------------- */

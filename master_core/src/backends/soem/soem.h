@@ -3,7 +3,6 @@
 #define FSN_SOEM_INTERNAL_H
 
 #include "fsn/live.h"
-#include "live/check.h"
 #include "live/frames.h"
 #include "live/node.h"
 #include "live/ring.h"
@@ -186,9 +185,6 @@ void soem_watch_clocks(struct fsn_soem *bus, uint64_t now_ns);
 /** clocks() of fsn_bus_ops. */
 bool soem_clocks(void *context, struct fsn_bus_clocks *clocks);
 
-/* Compares process data of one SubDevice with the plan (pdo.c). */
-fsn_status soem_check_pdos(struct fsn_soem *bus, struct node *node);
-
 /* SII (sii.c). */
 
 /** Start address of a sync manager by the SII; 0 if it has none, or must not be read. SOEM reads
@@ -198,8 +194,7 @@ uint16_t soem_sii_start(struct fsn_soem *bus, uint16_t slave, uint8_t number);
 /* Supervision (al_states.c). */
 bool soem_poll(void *context, uint8_t al_state, uint64_t now_ns);
 
-enum { SOEM_AT_ONCE = 32 }; /**< registers read with one frame */
-/** Reads a register of some SubDevices, at most SOEM_AT_ONCE, with one frame.
+/** Reads a register of consecutive SubDevices, of many with one frame.
  *  @param[out] values  one after the other; zeros without an answer. */
 void soem_read_each(struct fsn_soem *bus, uint16_t first, uint16_t count, uint16_t address,
                     uint16_t size_bytes, void *values);
@@ -241,5 +236,12 @@ bool soem_reach(struct fsn_soem *bus, uint16_t slave, uint8_t al_state, unsigned
 /** Sets up the mailbox, without which a SubDevice that has one does not leave INIT. */
 void soem_prepare_mailbox(struct fsn_soem *bus, uint16_t slave);
 bool soem_has_coe(const struct fsn_soem *bus, uint16_t slave);
+/** Writes registers of a SubDevice; false if it did not accept them. */
+bool soem_write(struct fsn_soem *bus, uint16_t slave, uint16_t address, const void *data,
+                uint16_t size_bytes);
+/** The SubDevice of the plan at a place of the ring; NULL: the plan has none there. */
+struct node *soem_node_at(struct fsn_soem *bus, uint16_t slave);
+/** Its name in the plan, otherwise that of its SII. */
+const char *soem_name_at(const struct fsn_soem *bus, uint16_t slave);
 
 #endif

@@ -10,18 +10,16 @@
 #include <linux/if_xdp.h>
 #include <linux/sockios.h>
 #include <net/if.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/ioctl.h>
 #include <sys/mman.h>
 #include <sys/socket.h>
 #include <sys/syscall.h>
 #include <time.h>
 #include <unistd.h>
 
+#include "live/node.h"
 #include "live/port.h"
-#include "plan/plan_internal.h"
 #include "rt/wire.h"
 
 enum {
@@ -178,23 +176,14 @@ static bool take_queue(struct fsn_rings *r, unsigned interface) {
 static fsn_status check_queues(const char *interface, struct fsn_fault *fault) {
     struct ethtool_channels queues = {.cmd = ETHTOOL_GCHANNELS};
     struct ifreq request = {.ifr_data = (char *)&queues};
-    snprintf(request.ifr_name, sizeof request.ifr_name, "%s", interface);
-    const int fd = socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0); /* AF_XDP has no requests */
-    const bool known = fd >= 0 && ioctl(fd, SIOCETHTOOL, &request) == 0;
-    if (fd >= 0) {
-        close(fd);
-    }
-    if (!known || queues.rx_count + queues.combined_count <= 1) {
-        return FSN_OK; /* a driver that does not report them has one */
-    }
-    fsn_refuse_all(fault, FSN_E_STATE, "AF_XDP reads the first queue of an interface only");
-    if (fault != NULL) {
-        snprintf(fault->detail, sizeof fault->detail,
-                 "%s receives on %u queues; ethtool -L %s %s 1", interface,
-                 queues.rx_count + queues.combined_count, interface,
-                 queues.combined_count > 0 ? "combined" : "rx");
-    }
-    return FSN_E_STATE;
+    const bool known = fsn_port_ask(interface, SIOCETHTOOL, &request);
+    const unsigned count = queues.rx_count + queues.combined_count;
+    return !known || count <= 1 /* a driver that does not report them has one */
+               ? FSN_OK
+               : fsn_live_refuse(fault, FSN_E_STATE,
+                                 "AF_XDP reads the first queue of an interface only",
+                                 "%s receives on %u queues; ethtool -L %s %s 1", interface, count,
+                                 interface, queues.combined_count > 0 ? "combined" : "rx");
 }
 
 static void wait_for_link(const char *interface) {
@@ -228,11 +217,8 @@ static fsn_status open_steps(struct xdp *x, const char *interface, uint16_t tag,
     }
     x->link = attach(x->program, number);
     if (x->link < 0 && errno == EBUSY) {
-        fsn_refuse_all(fault, FSN_E_STATE, "another XDP program has the interface");
-        if (fault != NULL) {
-            snprintf(fault->detail, sizeof fault->detail, "%s; bpftool net lists it", interface);
-        }
-        return FSN_E_STATE;
+        return fsn_live_refuse(fault, FSN_E_STATE, "another XDP program has the interface",
+                               "%s; bpftool net lists it", interface);
     }
     if (x->link < 0) {
         return refuse(fault, interface, "the interface takes no XDP program");
