@@ -10,18 +10,24 @@ static uint64_t bounded(uint64_t delay_ns) {
     return delay_ns < MAX_DELAY_NS ? delay_ns : MAX_DELAY_NS;
 }
 
-/** Locks, and returns the SubDevice at a position; NULL, unlocked, if there is none. */
-static struct esc *hold(struct fsn_segment *s, uint32_t position) {
-    if (position >= s->count) {
+/** Locks, and returns the SubDevice at a position if an argument is valid; NULL, unlocked, if not.
+ */
+static struct esc *hold(struct fsn_segment *s, uint32_t position, bool valid) {
+    if (!valid || position >= s->count) {
         return NULL;
     }
     pthread_mutex_lock(&s->lock);
     return &s->escs[position];
 }
 
+static fsn_status release(struct fsn_segment *s, fsn_status status) {
+    pthread_mutex_unlock(&s->lock);
+    return status;
+}
+
 fsn_status fsn_segment_set_identity(struct fsn_segment *s, uint32_t position,
                                     const struct fsn_segment_identity *identity) {
-    struct esc *esc = hold(s, position);
+    struct esc *esc = hold(s, position, true);
     if (esc == NULL) {
         return FSN_E_ARG;
     }
@@ -30,8 +36,7 @@ fsn_status fsn_segment_set_identity(struct fsn_segment *s, uint32_t position,
         esc->faults.other = (struct esc_identity){
             {identity->vendor_id, identity->product_code, identity->revision}};
     }
-    pthread_mutex_unlock(&s->lock);
-    return FSN_OK;
+    return release(s, FSN_OK);
 }
 
 static bool set_abort(struct esc_faults *f, uint16_t index, uint32_t sub, uint32_t code) {
@@ -55,34 +60,31 @@ static bool set_abort(struct esc_faults *f, uint16_t index, uint32_t sub, uint32
 
 fsn_status fsn_segment_set_sdo_abort(struct fsn_segment *s, uint32_t position, uint16_t index,
                                      uint32_t sub, uint32_t code) {
-    struct esc *esc = sub <= 255 || sub == FSN_NONE ? hold(s, position) : NULL;
+    struct esc *esc = hold(s, position, sub <= 255 || sub == FSN_NONE);
     if (esc == NULL) {
         return FSN_E_ARG;
     }
     const bool ok = set_abort(&esc->faults, index, sub, code);
-    pthread_mutex_unlock(&s->lock);
-    return ok ? FSN_OK : FSN_E_NOMEM;
+    return release(s, ok ? FSN_OK : FSN_E_NOMEM);
 }
 
 fsn_status fsn_segment_set_mailbox_delay(struct fsn_segment *s, uint32_t position,
                                          uint64_t delay_ns) {
-    struct esc *esc = hold(s, position);
+    struct esc *esc = hold(s, position, true);
     if (esc == NULL) {
         return FSN_E_ARG;
     }
     esc->faults.mailbox_delay_ns = bounded(delay_ns);
-    pthread_mutex_unlock(&s->lock);
-    return FSN_OK;
+    return release(s, FSN_OK);
 }
 
 fsn_status fsn_segment_set_al_delay(struct fsn_segment *s, uint32_t position, uint64_t delay_ns) {
-    struct esc *esc = hold(s, position);
+    struct esc *esc = hold(s, position, true);
     if (esc == NULL) {
         return FSN_E_ARG;
     }
     esc->faults.al_delay_ns = bounded(delay_ns);
-    pthread_mutex_unlock(&s->lock);
-    return FSN_OK;
+    return release(s, FSN_OK);
 }
 
 fsn_status fsn_segment_set_clock(struct fsn_segment *s, uint32_t position,
@@ -90,7 +92,7 @@ fsn_status fsn_segment_set_clock(struct fsn_segment *s, uint32_t position,
     enum { FASTEST_PPB = 1000000 };
     const bool ok =
         clock != NULL && clock->drift_ppb < FASTEST_PPB && clock->drift_ppb > -FASTEST_PPB;
-    struct esc *esc = ok ? hold(s, position) : NULL;
+    struct esc *esc = hold(s, position, ok);
     if (esc == NULL) {
         return FSN_E_ARG;
     }
@@ -102,41 +104,37 @@ fsn_status fsn_segment_set_clock(struct fsn_segment *s, uint32_t position,
                                     .drift_ppb = clock->drift_ppb};
     memset(esc->memory + REG_DC_TIME, 0, REG_DC_END - REG_DC_TIME);
     esc_clock_reset(esc, true);
-    pthread_mutex_unlock(&s->lock);
-    return FSN_OK;
+    return release(s, FSN_OK);
 }
 
 fsn_status fsn_segment_set_clock_bits(struct fsn_segment *s, uint32_t position, uint32_t bits) {
-    struct esc *esc = bits == 32 || bits == 64 ? hold(s, position) : NULL;
+    struct esc *esc = hold(s, position, bits == 32 || bits == 64);
     if (esc == NULL) {
         return FSN_E_ARG;
     }
     esc->clock.narrow = bits == 32;
     esc_clock_limit(esc);
-    pthread_mutex_unlock(&s->lock);
-    return FSN_OK;
+    return release(s, FSN_OK);
 }
 
 fsn_status fsn_segment_next_pulse(struct fsn_segment *s, uint32_t position, uint64_t *time_ns) {
-    struct esc *esc = time_ns != NULL ? hold(s, position) : NULL;
+    struct esc *esc = hold(s, position, time_ns != NULL);
     if (esc == NULL) {
         return FSN_E_ARG;
     }
     const uint64_t left_ns = esc_clock_until_pulse(esc);
     *time_ns = esc->now_ns + left_ns;
-    pthread_mutex_unlock(&s->lock);
-    return left_ns != UINT64_MAX ? FSN_OK : FSN_E_STATE;
+    return release(s, left_ns != UINT64_MAX ? FSN_OK : FSN_E_STATE);
 }
 
 static fsn_status put_object(struct fsn_segment *s, uint32_t position, uint16_t index, uint8_t sub,
                              const void *bytes, size_t len_bytes, bool writable) {
-    struct esc *esc = len_bytes <= MAX_OBJECT_BYTES && bytes != NULL ? hold(s, position) : NULL;
+    struct esc *esc = hold(s, position, len_bytes <= MAX_OBJECT_BYTES && bytes != NULL);
     if (esc == NULL) {
         return FSN_E_ARG;
     }
     const bool ok = objects_put(&esc->objects, index, sub, writable, bytes, (uint32_t)len_bytes);
-    pthread_mutex_unlock(&s->lock);
-    return ok ? FSN_OK : FSN_E_ARG;
+    return release(s, ok ? FSN_OK : FSN_E_ARG);
 }
 
 fsn_status fsn_segment_set_object(struct fsn_segment *s, uint32_t position, uint16_t index,
@@ -151,7 +149,7 @@ fsn_status fsn_segment_offer_object(struct fsn_segment *s, uint32_t position, ui
 
 fsn_status fsn_segment_get_object(struct fsn_segment *s, uint32_t position, uint16_t index,
                                   uint8_t sub, void *bytes, size_t len_bytes) {
-    struct esc *esc = bytes != NULL ? hold(s, position) : NULL;
+    struct esc *esc = hold(s, position, bytes != NULL);
     if (esc == NULL) {
         return FSN_E_ARG;
     }
@@ -160,8 +158,7 @@ fsn_status fsn_segment_get_object(struct fsn_segment *s, uint32_t position, uint
     if (ok) {
         memcpy(bytes, objects_value(&esc->objects, object), len_bytes);
     }
-    pthread_mutex_unlock(&s->lock);
-    return ok ? FSN_OK : FSN_E_ARG;
+    return release(s, ok ? FSN_OK : FSN_E_ARG);
 }
 
 void fsn_segment_lose(struct fsn_segment *s, uint32_t frames) {

@@ -86,27 +86,26 @@ static bool collect(struct esc *esc, uint16_t index, uint8_t sub, bool complete)
     return true;
 }
 
-static void upload(struct esc *esc, uint8_t command, uint16_t index, uint8_t sub) {
+/* A request returns its abort code, or 0 if it is answered. */
+
+static uint32_t upload(struct esc *esc, uint8_t command, uint16_t index, uint8_t sub) {
     const bool complete = (command & COMPLETE_ACCESS) != 0;
     struct transfer *t = &esc->transfer;
     if (!objects_has(&esc->objects, index)) {
-        abort_sdo(esc, index, sub, ABORT_NO_OBJECT);
-        return;
+        return ABORT_NO_OBJECT;
     }
     if (objects_find(&esc->objects, index, sub) == NULL) {
-        abort_sdo(esc, index, sub, ABORT_NO_SUB);
-        return;
+        return ABORT_NO_SUB;
     }
     if (!collect(esc, index, sub, complete)) {
-        abort_sdo(esc, index, sub, ABORT_MEMORY);
-        return;
+        return ABORT_MEMORY;
     }
     const uint8_t kept = command & COMPLETE_ACCESS;
     if (t->size_bytes > 0 && t->size_bytes <= 4) {
         const uint8_t unused = (uint8_t)(4 - t->size_bytes);
         uint8_t *data = begin_sdo(esc, (uint8_t)(0x43 | kept | (unused << 2)), index, sub, 0);
         memcpy(data, t->data, t->size_bytes);
-        return;
+        return 0;
     }
     const uint32_t space = room(esc) - HEADER_BYTES - COE_BYTES - SDO_BYTES;
     const uint32_t now = t->size_bytes < space ? t->size_bytes : space;
@@ -119,17 +118,22 @@ static void upload(struct esc *esc, uint8_t command, uint16_t index, uint8_t sub
     t->toggle = false;
     t->index = index;
     t->sub = sub;
+    return 0;
 }
 
-static void upload_segment(struct esc *esc, uint8_t command) {
-    struct transfer *t = &esc->transfer;
-    if (!t->active || !t->upload) {
-        abort_sdo(esc, t->index, t->sub, ABORT_COMMAND);
-        return;
+/** Whether a segment continues the transfer. */
+static uint32_t check_segment(const struct transfer *t, bool upload, uint8_t command) {
+    if (!t->active || t->upload != upload) {
+        return ABORT_COMMAND;
     }
-    if (((command & 0x10) != 0) != t->toggle) {
-        abort_sdo(esc, t->index, t->sub, ABORT_TOGGLE);
-        return;
+    return ((command & 0x10) != 0) != t->toggle ? ABORT_TOGGLE : 0;
+}
+
+static uint32_t upload_segment(struct esc *esc, uint8_t command) {
+    struct transfer *t = &esc->transfer;
+    const uint32_t code = check_segment(t, true, command);
+    if (code != 0) {
+        return code;
     }
     const uint32_t left = t->size_bytes - t->done;
     const uint32_t space = room(esc) - HEADER_BYTES - COE_BYTES - 1;
@@ -142,6 +146,7 @@ static void upload_segment(struct esc *esc, uint8_t command) {
     t->done += now;
     t->toggle = !t->toggle;
     t->active = t->done < t->size_bytes;
+    return 0;
 }
 
 /** Returns the abort code of a finished download, or 0 if it was stored. */
@@ -170,123 +175,115 @@ static uint32_t store(struct esc *esc, uint16_t index, uint8_t sub, bool complet
     return 0;
 }
 
-static void finish_download(struct esc *esc, uint16_t index, uint8_t sub, bool complete,
-                            const uint8_t *data, uint32_t size_bytes) {
-    const uint32_t code = store(esc, index, sub, complete, data, size_bytes);
-    if (code != 0) {
-        abort_sdo(esc, index, sub, code);
-        return;
-    }
-    (void)begin_sdo(esc, (uint8_t)(0x60 | (complete ? COMPLETE_ACCESS : 0)), index, sub, 0);
-}
-
-static void download(struct esc *esc, const uint8_t *sdo, uint32_t sdo_bytes) {
+static uint32_t download(struct esc *esc, const uint8_t *sdo, uint32_t sdo_bytes) {
     const uint8_t command = sdo[0];
     const uint16_t index = fsn_get16(sdo + 1);
     const uint8_t sub = sdo[3];
     const bool complete = (command & COMPLETE_ACCESS) != 0;
-    if ((command & 2) != 0) { /* expedited */
-        const uint32_t size = (command & 1) != 0 ? 4u - (command >> 2 & 3) : 4u;
-        finish_download(esc, index, sub, complete, sdo + 4, size);
-        return;
+    const bool expedited = (command & 2) != 0;
+    uint32_t size = fsn_get32(sdo + 4);
+    uint32_t given = sdo_bytes - SDO_BYTES;
+    if (expedited) {
+        size = given = (command & 1) != 0 ? 4u - (command >> 2 & 3) : 4u;
     }
     struct transfer *t = &esc->transfer;
-    const uint32_t size = fsn_get32(sdo + 4);
-    const uint32_t given = sdo_bytes - SDO_BYTES;
     if (size > sizeof t->data) {
-        abort_sdo(esc, index, sub, ABORT_MEMORY);
-        return;
+        return ABORT_MEMORY;
     }
-    const uint32_t now = given < size ? given : size;
-    memcpy(t->data, sdo + SDO_BYTES, now);
-    if (now == size) {
-        finish_download(esc, index, sub, complete, t->data, size);
-        return;
+    const uint8_t *data = sdo + (expedited ? 4 : SDO_BYTES);
+    uint32_t code = 0;
+    if (given < size) {
+        *t = (struct transfer){.active = true,
+                               .complete = complete,
+                               .index = index,
+                               .sub = sub,
+                               .size_bytes = size,
+                               .done = given};
+        memcpy(t->data, data, given);
+    } else {
+        code = store(esc, index, sub, complete, data, size);
     }
-    *t = (struct transfer){.active = true,
-                           .complete = complete,
-                           .index = index,
-                           .sub = sub,
-                           .size_bytes = size,
-                           .done = now};
-    memcpy(t->data, sdo + SDO_BYTES, now);
-    (void)begin_sdo(esc, (uint8_t)(0x60 | (complete ? COMPLETE_ACCESS : 0)), index, sub, 0);
+    if (code == 0) {
+        (void)begin_sdo(esc, (uint8_t)(0x60 | (complete ? COMPLETE_ACCESS : 0)), index, sub, 0);
+    }
+    return code;
 }
 
-static void download_segment(struct esc *esc, const uint8_t *sdo, uint32_t sdo_bytes) {
+static uint32_t download_segment(struct esc *esc, const uint8_t *sdo, uint32_t sdo_bytes) {
     struct transfer *t = &esc->transfer;
     const uint8_t command = sdo[0];
-    if (!t->active || t->upload) {
-        abort_sdo(esc, t->index, t->sub, ABORT_COMMAND);
-        return;
-    }
-    if (((command & 0x10) != 0) != t->toggle) {
-        abort_sdo(esc, t->index, t->sub, ABORT_TOGGLE);
-        return;
+    uint32_t code = check_segment(t, false, command);
+    if (code != 0) {
+        return code;
     }
     uint32_t given = sdo_bytes - 1;
     if (given == 7) {
         given -= command >> 1 & 7; /* only a segment of 7 bytes has this number */
     }
     if (given > t->size_bytes - t->done) {
-        abort_sdo(esc, t->index, t->sub, ABORT_LENGTH);
-        return;
+        return ABORT_LENGTH;
     }
     memcpy(t->data + t->done, sdo + 1, given);
     t->done += given;
     t->toggle = !t->toggle;
     if ((command & 1) != 0) {
         t->active = false;
-        const uint32_t code = t->done == t->size_bytes ? store(esc, t->index, t->sub, t->complete,
-                                                               t->data, t->size_bytes)
-                                                       : ABORT_LENGTH;
+        code = t->done == t->size_bytes
+                   ? store(esc, t->index, t->sub, t->complete, t->data, t->size_bytes)
+                   : ABORT_LENGTH;
         if (code != 0) {
-            abort_sdo(esc, t->index, t->sub, code);
-            return;
+            return code;
         }
     }
     uint8_t *body = begin(esc, TYPE_COE, COE_BYTES + SDO_BYTES);
     fsn_put16(body, SERVICE_RESPONSE << 12);
     body[2] = (uint8_t)(0x20 | (command & 0x10));
+    return 0;
 }
 
-/** Aborts access to the objects selected by a test. */
-static bool aborts_on_demand(struct esc *esc, uint16_t index, uint8_t sub) {
+/** Code with which a test lets access to an object abort; 0: none. */
+static uint32_t abort_on_demand(const struct esc *esc, uint16_t index, uint8_t sub) {
     for (uint32_t i = 0; i < esc->faults.abort_count; i++) {
         const struct esc_abort *a = &esc->faults.aborts[i];
         if (a->index == index && (a->sub > 255 || a->sub == sub)) {
-            abort_sdo(esc, index, sub, a->code);
-            return true;
+            return a->code;
         }
     }
-    return false;
+    return 0;
+}
+
+enum { DOWNLOAD_SEGMENT, DOWNLOAD, UPLOAD, UPLOAD_SEGMENT, ABORT };
+
+static uint32_t answer_sdo(struct esc *esc, const uint8_t *sdo, uint32_t sdo_bytes) {
+    switch (sdo[0] >> 5) {
+    case DOWNLOAD_SEGMENT:
+        return download_segment(esc, sdo, sdo_bytes);
+    case DOWNLOAD:
+        esc->transfer = (struct transfer){0};
+        return download(esc, sdo, sdo_bytes);
+    case UPLOAD:
+        esc->transfer = (struct transfer){0};
+        return upload(esc, sdo[0], fsn_get16(sdo + 1), sdo[3]);
+    case UPLOAD_SEGMENT:
+        return upload_segment(esc, sdo[0]);
+    case ABORT:
+        esc->transfer = (struct transfer){0}; /* the MainDevice gave up: no answer */
+        return 0;
+    default:
+        return ABORT_COMMAND;
+    }
 }
 
 static void take_sdo(struct esc *esc, const uint8_t *sdo, uint32_t sdo_bytes) {
     const uint8_t command = sdo[0] >> 5;
-    if ((command == 1 || command == 2) && aborts_on_demand(esc, fsn_get16(sdo + 1), sdo[3])) {
-        return;
-    }
-    switch (command) {
-    case 0:
-        download_segment(esc, sdo, sdo_bytes);
-        return;
-    case 1:
-        esc->transfer = (struct transfer){0};
-        download(esc, sdo, sdo_bytes);
-        return;
-    case 2:
-        esc->transfer = (struct transfer){0};
-        upload(esc, sdo[0], fsn_get16(sdo + 1), sdo[3]);
-        return;
-    case 3:
-        upload_segment(esc, sdo[0]);
-        return;
-    case 4:
-        esc->transfer = (struct transfer){0}; /* the MainDevice gave up: no answer */
-        return;
-    default:
-        abort_sdo(esc, fsn_get16(sdo + 1), sdo[3], ABORT_COMMAND);
+    const bool segment = command == DOWNLOAD_SEGMENT || command == UPLOAD_SEGMENT;
+    const uint16_t index = segment ? esc->transfer.index : fsn_get16(sdo + 1);
+    const uint8_t sub = segment ? esc->transfer.sub : sdo[3];
+    const bool whole = command == DOWNLOAD || command == UPLOAD;
+    uint32_t code = whole ? abort_on_demand(esc, index, sub) : 0;
+    code = code != 0 ? code : answer_sdo(esc, sdo, sdo_bytes);
+    if (code != 0) {
+        abort_sdo(esc, index, sub, code);
     }
 }
 
