@@ -8,7 +8,6 @@
 #include <sys/signalfd.h>
 #include <sys/socket.h>
 #include <sys/un.h>
-#include <time.h>
 #include <unistd.h>
 
 #include "app/base/confine.h"
@@ -481,8 +480,7 @@ static void turn(struct master *m) {
     struct pollfd fds[ALL];
     uint64_t wait_ns;
     fsn_control_prepare(m->control, fds, &wait_ns);
-    const struct timespec wait = {.tv_sec = (time_t)(wait_ns / 1000000000u),
-                                  .tv_nsec = (long)(wait_ns % 1000000000u)};
+    const struct timespec wait = fsn_timespec(wait_ns);
     fds[SIGNALS] = (struct pollfd){.fd = m->signal_fd, .events = POLLIN};
     fds[RUNNER] = (struct pollfd){.fd = runner_fd(m->runner), .events = POLLIN};
     handover_listener_prepare(&m->handover_listener, &fds[HANDOVER]);

@@ -10,7 +10,6 @@
 #include <string.h>
 #include <sys/eventfd.h>
 #include <sys/mman.h>
-#include <time.h>
 #include <unistd.h>
 
 #include "app/base/schedule.h"
@@ -83,8 +82,7 @@ static void wake(struct runner *runner) {
 }
 
 static void sleep_ns(uint64_t ns) {
-    const struct timespec time = {.tv_sec = (time_t)(ns / 1000000000u),
-                                  .tv_nsec = (long)(ns % 1000000000u)};
+    const struct timespec time = fsn_timespec(ns);
     clock_nanosleep(CLOCK_MONOTONIC, 0, &time, NULL);
 }
 
@@ -123,9 +121,14 @@ static void tell_findings(const struct runner *runner) {
     }
 }
 
+static uint64_t cycle_of(const struct runner *runner) {
+    const uint64_t given = runner->options->cycle_ns;
+    return given != 0 ? given : fsn_plan_cycle_ns(runner->plan);
+}
+
 static fsn_status open_once(struct runner *runner, struct fsn_fault *fault) {
     const struct options *o = runner->options;
-    const uint64_t cycle_ns = o->cycle_ns != 0 ? o->cycle_ns : fsn_plan_cycle_ns(runner->plan);
+    const uint64_t cycle_ns = cycle_of(runner);
     const struct fsn_live_options live = {
         .interface = o->interface,
         .redundant = o->redundant,
@@ -174,11 +177,6 @@ static fsn_status open_bus(struct runner *runner, struct fsn_fault *fault) {
         }
         sleep_ns(RETRY_MS * UINT64_C(1000000));
     }
-}
-
-static uint64_t cycle_of(const struct runner *runner) {
-    const uint64_t given = runner->options->cycle_ns;
-    return given != 0 ? given : fsn_plan_cycle_ns(runner->plan);
 }
 
 static uint64_t cycles_of(struct runner *runner) {
@@ -516,13 +514,7 @@ static void do_transfer(struct runner *runner, bool polling) {
 /** Waits for a job; while a bus is polled, only briefly. */
 static enum runner_job next_job(struct runner *runner, bool polling, bool *ending) {
     pthread_mutex_lock(&runner->lock);
-    struct timespec until;
-    clock_gettime(CLOCK_MONOTONIC, &until);
-    until.tv_nsec += TEND_NS;
-    if (until.tv_nsec >= 1000000000) {
-        until.tv_nsec -= 1000000000;
-        until.tv_sec++;
-    }
+    const struct timespec until = fsn_timespec(fsn_now_ns() + TEND_NS);
     int waited = 0;
     while (runner->job == RUNNER_IDLE && !runner->ending && waited == 0 &&
            (runner->rests || runner->waiting.first == NULL)) {

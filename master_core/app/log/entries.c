@@ -29,17 +29,10 @@ static void end(struct fsn_json *json, const char *level, const char *text) {
 
 /** SHA-256 of the file of this program; empty if it cannot be read. */
 static void hash_program(char hash[2 * FSN_SHA256_BYTES + 1]) {
-    struct fsn_sha256_run run;
     uint8_t digest[FSN_SHA256_BYTES];
-    char piece[4096];
-    ssize_t len = -1;
     const int fd = open("/proc/self/exe", O_RDONLY | O_CLOEXEC);
-    fsn_sha256_start(&run);
-    while (fd >= 0 && (len = read(fd, piece, sizeof piece)) > 0) {
-        fsn_sha256_add(&run, piece, (size_t)len);
-    }
-    fsn_sha256_end(&run, digest);
-    fsn_hex_text(digest, len == 0 ? sizeof digest : 0, hash);
+    const bool hashed = fd >= 0 && fsn_sha256_file(fd, digest) == 0;
+    fsn_hex_text(digest, hashed ? sizeof digest : 0, hash);
     if (fd >= 0) {
         close(fd);
     }

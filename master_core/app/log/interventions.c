@@ -10,7 +10,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #include "control/base/clock.h"
 #include "control/base/json.h"
@@ -166,11 +165,7 @@ static bool is_lost_due(const struct interventions *log) {
 
 /** Waits for an entry, or for the time to try again. Holds the lock. */
 static void wait_for_work(struct interventions *log) {
-    struct timespec until;
-    clock_gettime(CLOCK_MONOTONIC, &until);
-    until.tv_nsec += AGAIN_MS * 1000000L;
-    until.tv_sec += until.tv_nsec / 1000000000;
-    until.tv_nsec %= 1000000000;
+    const struct timespec until = fsn_timespec(fsn_now_ns() + AGAIN_MS * UINT64_C(1000000));
     int waited = 0;
     while (!log->ending && waited == 0 &&
            (log->error != 0 || (log->first == NULL && !is_lost_due(log)))) {
@@ -399,12 +394,7 @@ uint64_t interventions_close(struct interventions *log, int wait_ms) {
     if (log == NULL) {
         return 0;
     }
-    struct timespec until;
-    clock_gettime(CLOCK_MONOTONIC, &until);
-    until.tv_sec += wait_ms / 1000;
-    until.tv_nsec += wait_ms % 1000 * 1000000L;
-    until.tv_sec += until.tv_nsec / 1000000000;
-    until.tv_nsec %= 1000000000;
+    const struct timespec until = fsn_timespec(fsn_now_ns() + (uint64_t)wait_ms * 1000000u);
     int waited = 0;
     pthread_mutex_lock(&log->lock);
     log->ending = true;

@@ -86,6 +86,13 @@ int handover_pidfd(int fd, pid_t *pid, uid_t *uid) {
     return (int)syscall(SYS_pidfd_open, peer.pid, 0);
 }
 
+void handover_close(int *fd) {
+    if (*fd >= 0) {
+        close(*fd);
+    }
+    *fd = -1;
+}
+
 bool handover_has_ended(int pidfd, int wait_ms) {
     struct pollfd polled = {.fd = pidfd, .events = POLLIN};
     return poll(&polled, 1, wait_ms) == 1 && (polled.revents & POLLIN) != 0;

@@ -67,6 +67,9 @@ int handover_receive(int fd, void *message, size_t len_bytes, int *fds);
  *  process that listened, which may have ended since. */
 int handover_pidfd(int fd, pid_t *pid, uid_t *uid);
 
+/** Closes a descriptor, which is then -1. */
+void handover_close(int *fd);
+
 /** Whether a pidfd shows the end of its process: none of its threads runs, its descriptors are
  *  closed. */
 bool handover_has_ended(int pidfd, int wait_ms);

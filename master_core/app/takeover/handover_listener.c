@@ -20,13 +20,6 @@ static const uint64_t rest_ns =
     10000000000u; /**< how long the acyclic work pauses for a successor */
 static const uint64_t again_ns = 1000000000u; /**< between two lines about rejected users */
 
-static void close_fd(int *fd) {
-    if (*fd >= 0) {
-        close(*fd);
-    }
-    *fd = -1;
-}
-
 void handover_listener_init(struct handover_listener *handover_listener) {
     *handover_listener =
         (struct handover_listener){.lock = -1, .peer = -1, .successor = -1, .pidfd = -1};
@@ -40,8 +33,8 @@ void handover_listener_open(struct handover_listener *handover_listener, int loc
 }
 
 static void forget_peer(struct handover_listener *handover_listener) {
-    close_fd(&handover_listener->peer);
-    close_fd(&handover_listener->pidfd);
+    handover_close(&handover_listener->peer);
+    handover_close(&handover_listener->pidfd);
     handover_listener->state = HANDOVER_LISTENER_FREE;
 }
 
@@ -122,7 +115,7 @@ static void let_in(struct handover_listener *handover_listener) {
     const int pidfd = handover_pidfd(peer, &pid, &uid);
     /* A successor that has ended makes room for the next one. */
     if (handover_listener->successor >= 0 && handover_has_ended(handover_listener->successor, 0)) {
-        close_fd(&handover_listener->successor);
+        handover_close(&handover_listener->successor);
     }
     if (handover_listener->state == HANDOVER_LISTENER_KNOCKS) {
         forget_peer(handover_listener); /* it has sent nothing, and makes room */
@@ -256,8 +249,8 @@ enum handover_listener_event handover_listener_give(struct handover_listener *ha
     fds[HANDOVER_SELF] = (int)syscall(SYS_pidfd_open, getpid(), 0);
     if (fds[HANDOVER_ATTACHMENT] < 0 || fds[HANDOVER_SELF] < 0) {
         refuse(handover_listener->peer, false, "the system refused: %s", strerror(errno));
-        close_fd(&fds[HANDOVER_ATTACHMENT]);
-        close_fd(&fds[HANDOVER_SELF]);
+        handover_close(&fds[HANDOVER_ATTACHMENT]);
+        handover_close(&fds[HANDOVER_SELF]);
         return leave(handover_listener);
     }
     /* From here on it counts as the successor, whether or not the sending succeeds. */

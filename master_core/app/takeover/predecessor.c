@@ -12,7 +12,6 @@
 #include <sys/mman.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
-#include <time.h>
 #include <unistd.h>
 
 #include "app/log/log.h"
@@ -31,13 +30,6 @@ enum {
     KILLED_MS = 5000, /**< time for the kernel to end it */
 };
 
-static void close_fd(int *fd) {
-    if (*fd >= 0) {
-        close(*fd);
-    }
-    *fd = -1;
-}
-
 void predecessor_release(struct predecessor *predecessor) {
     if (predecessor->room != NULL) {
         munmap(predecessor->room, predecessor->room_bytes);
@@ -48,12 +40,12 @@ void predecessor_release(struct predecessor *predecessor) {
         predecessor->attachment.bytes = NULL;
     }
     for (size_t i = 0; i < FSN_HELD; i++) {
-        close_fd(&predecessor->attachment.held[i]);
+        handover_close(&predecessor->attachment.held[i]);
     }
-    close_fd(&predecessor->listener);
-    close_fd(&predecessor->lock);
-    close_fd(&predecessor->pidfd);
-    close_fd(&predecessor->fd);
+    handover_close(&predecessor->listener);
+    handover_close(&predecessor->lock);
+    handover_close(&predecessor->pidfd);
+    handover_close(&predecessor->fd);
 }
 
 /** Maps a received file if it has the stated length; NULL if it has not, or a system call
@@ -65,7 +57,7 @@ static void *map(int *fd, uint64_t len_bytes) {
         (uint64_t)found.st_size >= len_bytes) {
         bytes = mmap(NULL, (size_t)len_bytes, PROT_READ, MAP_SHARED, *fd, 0);
     }
-    close_fd(fd);
+    handover_close(fd);
     return bytes != MAP_FAILED ? bytes : NULL;
 }
 
@@ -203,8 +195,7 @@ fsn_status predecessor_follow(struct predecessor *predecessor, uint64_t cycle_ns
     const uint64_t cycles_ns = PREDECESSOR_STILL_CYCLES * cycle_ns;
     const uint64_t least_ns = PREDECESSOR_STILL_MS * UINT64_C(1000000);
     const uint64_t threshold_ns = cycles_ns > least_ns ? cycles_ns : least_ns;
-    const struct timespec step = {.tv_sec = (time_t)(step_ns / 1000000000u),
-                                  .tv_nsec = (long)(step_ns % 1000000000u)};
+    const struct timespec step = fsn_timespec(step_ns);
     uint32_t pictures = fsn_room_pictures(predecessor->room);
     uint64_t still_ns = 0;
     bool held = false;

@@ -1,5 +1,9 @@
-/** SHA-256 (FIPS 180-4), for the fingerprint of a plan; the checksum of an SII. */
+/** SHA-256 (FIPS 180-4), for the fingerprint of a plan and for files; the checksum of an SII. */
+#define _POSIX_C_SOURCE 200809L /* pread */
+
+#include <errno.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "plan/plan_internal.h"
 
@@ -101,6 +105,20 @@ void fsn_sha256(const void *bytes, size_t len_bytes, uint8_t digest[FSN_SHA256_B
     fsn_sha256_start(&run);
     fsn_sha256_add(&run, bytes, len_bytes);
     fsn_sha256_end(&run, digest);
+}
+
+int fsn_sha256_file(int fd, uint8_t digest[FSN_SHA256_BYTES]) {
+    struct fsn_sha256_run run;
+    char piece[4096];
+    ssize_t len;
+    off_t at = 0;
+    fsn_sha256_start(&run);
+    while ((len = pread(fd, piece, sizeof piece, at)) > 0) {
+        fsn_sha256_add(&run, piece, (size_t)len);
+        at += len;
+    }
+    fsn_sha256_end(&run, digest);
+    return len < 0 ? errno : 0;
 }
 
 void fsn_plan_sha256(const struct fsn_plan *plan, uint8_t digest[FSN_SHA256_BYTES]) {

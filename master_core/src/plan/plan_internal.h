@@ -190,6 +190,9 @@ void fsn_sha256_end(struct fsn_sha256_run *run, uint8_t digest[FSN_SHA256_BYTES]
 /** SHA-256 of any bytes. */
 void fsn_sha256(const void *bytes, size_t len_bytes, uint8_t digest[FSN_SHA256_BYTES]);
 
+/** SHA-256 of a file, from its beginning.   @return 0, or errno. */
+int fsn_sha256_file(int fd, uint8_t digest[FSN_SHA256_BYTES]);
+
 /** Checksum of the first seven words of an SII: CRC-8 with polynomial 0x07, initial value 0xFF. */
 uint8_t fsn_eeprom_checksum(const uint8_t bytes[14]);
 

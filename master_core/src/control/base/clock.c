@@ -12,6 +12,11 @@ uint64_t fsn_now_ns(void) {
     return (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
 }
 
+struct timespec fsn_timespec(uint64_t ns) {
+    return (struct timespec){.tv_sec = (time_t)(ns / 1000000000u),
+                             .tv_nsec = (long)(ns % 1000000000u)};
+}
+
 void fsn_utc_text(uint64_t at_ns, char room[32]) {
     struct timespec wall;
     struct tm parts;

@@ -4,8 +4,12 @@
 
 #include <stdbool.h>
 #include <stdint.h>
+#include <time.h>
 
 uint64_t fsn_now_ns(void);
+
+/** A time or a duration in the form of the system. */
+struct timespec fsn_timespec(uint64_t ns);
 
 /** UTC of a monotonic time, as 2026-01-31T12:00:00.123456Z. */
 void fsn_utc_text(uint64_t at_ns, char room[32]);

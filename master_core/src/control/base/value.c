@@ -175,24 +175,17 @@ bool fsn_data_type_read(const char *text, struct fsn_data_type *type) {
     return false;
 }
 
-static int digit(char c) {
-    static const char digits[] = "0123456789abcdef";
-    const char *found = c != 0 ? strchr(digits, tolower((unsigned char)c)) : NULL;
-    return found != NULL ? (int)(found - digits) : -1;
-}
-
 static const char *parse_hex(const char *text, uint8_t *bytes, uint32_t *size_bytes) {
     const size_t len = strlen(text);
     if (len % 2 != 0) {
         return "not a whole number of bytes: hex has two digits for each";
     }
+    if (strspn(text, "0123456789abcdefABCDEF") != len) {
+        return "no hex bytes such as 0a1bff";
+    }
     for (size_t i = 0; i < len; i += 2) {
-        const int high = digit(text[i]);
-        const int low = digit(text[i + 1]);
-        if (high < 0 || low < 0) {
-            return "no hex bytes such as 0a1bff";
-        }
-        bytes[i / 2] = (uint8_t)(high << 4 | low);
+        const char pair[] = {text[i], text[i + 1], 0};
+        bytes[i / 2] = (uint8_t)strtoul(pair, NULL, 16);
     }
     *size_bytes = (uint32_t)(len / 2);
     return NULL;

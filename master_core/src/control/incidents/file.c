@@ -167,21 +167,6 @@ static bool write_all(struct fsn_incident_file *file, FILE *out) {
     return fflush(out) == 0 && fsync(fileno(out)) == 0;
 }
 
-/** Reads a written file to calculate its hash.   @return 0, or errno. */
-static int hash_file(int fd, uint8_t digest[FSN_SHA256_BYTES]) {
-    struct fsn_sha256_run hash;
-    char piece[4096];
-    ssize_t len;
-    off_t at = 0;
-    fsn_sha256_start(&hash);
-    while ((len = pread(fd, piece, sizeof piece, at)) > 0) {
-        fsn_sha256_add(&hash, piece, (size_t)len);
-        at += len;
-    }
-    fsn_sha256_end(&hash, digest);
-    return len < 0 ? errno : 0;
-}
-
 static void *run(void *context) {
     struct fsn_incident_file *file = context;
     const int fd = open_new(file);
@@ -193,7 +178,7 @@ static void *run(void *context) {
         }
     } else {
         file->result.error =
-            write_all(file, out) ? hash_file(fileno(out), file->result.sha256) : errno;
+            write_all(file, out) ? fsn_sha256_file(fileno(out), file->result.sha256) : errno;
         if (fclose(out) != 0 && file->result.error == 0) {
             file->result.error = errno;
         }

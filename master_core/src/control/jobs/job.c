@@ -18,6 +18,7 @@ enum {
 struct doing {
     struct fsn_job *job;
     const struct fsn_job_context *context;
+    uint32_t abort_code; /**< of its last transfer */
 };
 
 static bool is_late(const struct fsn_job *job) {
@@ -93,7 +94,7 @@ static struct fsn_transfer transfer_of(struct doing *d, uint8_t *data, uint32_t 
                                  .self = d};
 }
 
-static fsn_status read_object(struct doing *d, uint32_t *abort_code) {
+static fsn_status read_object(struct doing *d) {
     struct fsn_job *job = d->job;
     const bool sii = job->kind == FSN_JOB_SII;
     uint8_t *room = malloc(FSN_SDO_BYTES);
@@ -109,16 +110,16 @@ static fsn_status read_object(struct doing *d, uint32_t *abort_code) {
     } else if (status == FSN_OK) {
         fsn_data_write(&job->type, room, transfer.size_bytes, &job->json);
     }
-    *abort_code = transfer.abort_code;
+    d->abort_code = transfer.abort_code;
     free(room);
     return status;
 }
 
-static fsn_status write_object(struct doing *d, uint32_t *abort_code) {
+static fsn_status write_object(struct doing *d) {
     struct fsn_job *job = d->job;
     struct fsn_transfer transfer = transfer_of(d, job->data, job->data_bytes);
     const fsn_status status = fsn_core_download(d->context->core, job->subdevice, &transfer);
-    *abort_code = transfer.abort_code;
+    d->abort_code = transfer.abort_code;
     fsn_json_put_u64(&job->json, "bytes", job->data_bytes);
     return status;
 }
@@ -130,23 +131,23 @@ static fsn_status write_alias(struct doing *d) {
 }
 
 /** A byte of 0x10F3. */
-static fsn_status read_byte(struct doing *d, uint8_t sub, uint8_t *byte, uint32_t *abort_code) {
+static fsn_status read_byte(struct doing *d, uint8_t sub, uint8_t *byte) {
     uint8_t bytes[8] = {0};
     d->job->sub = sub;
     struct fsn_transfer transfer = transfer_of(d, bytes, sizeof bytes);
     const fsn_status status = fsn_core_upload(d->context->core, d->job->subdevice, &transfer);
-    *abort_code = transfer.abort_code;
+    d->abort_code = transfer.abort_code;
     *byte = bytes[0];
     return status;
 }
 
 /** All messages, oldest first: they are in a ring of subindices whose newest is known. */
-static fsn_status read_history(struct doing *d, uint32_t *abort_code) {
+static fsn_status read_history(struct doing *d) {
     struct fsn_job *job = d->job;
     uint8_t most, newest;
     job->index = HISTORY;
-    FSN_TRY(read_byte(d, 1, &most, abort_code));
-    FSN_TRY(read_byte(d, 2, &newest, abort_code));
+    FSN_TRY(read_byte(d, 1, &most));
+    FSN_TRY(read_byte(d, 2, &newest));
     const unsigned ring = most > 255 - FIRST_MESSAGE + 1 ? 255 - FIRST_MESSAGE + 1 : most;
     const unsigned first = newest >= FIRST_MESSAGE ? newest - FIRST_MESSAGE + 1u : 0;
     fsn_json_put_open(&job->json, "messages", '[');
@@ -177,58 +178,56 @@ static struct fsn_survey survey_of(struct doing *d) {
                                .self = d};
 }
 
-static fsn_status do_it(struct doing *d, uint32_t *abort_code) {
+static fsn_status do_it(struct doing *d) {
     const struct fsn_survey survey = survey_of(d);
-    *abort_code = 0;
     switch (d->job->kind) {
     case FSN_JOB_WRITE:
-        return write_object(d, abort_code);
+        return write_object(d);
     case FSN_JOB_ALIAS:
         return write_alias(d);
     case FSN_JOB_HISTORY:
-        return read_history(d, abort_code);
+        return read_history(d);
     case FSN_JOB_SCAN:
         return fsn_survey_write(&survey, &d->job->json);
     case FSN_JOB_FSOE:
         return fsn_survey_planned_fsoe(&survey, &d->job->json);
     default:
-        return read_object(d, abort_code);
+        return read_object(d);
     }
 }
 
 /** Writes the answer for a client as a line; the FSoE values of an incident are written alone. */
-static fsn_status write_answer(struct doing *d, uint32_t *abort_code) {
+static fsn_status write_answer(struct doing *d) {
     struct fsn_json *json = &d->job->json;
     if (d->job->kind == FSN_JOB_FSOE) {
-        return do_it(d, abort_code);
+        return do_it(d);
     }
     fsn_json_open(json, '{');
     fsn_json_put_bool(json, "ok", true);
     if (d->job->tag != NULL) {
         fsn_json_put_text(json, "tag", d->job->tag);
     }
-    const fsn_status status = do_it(d, abort_code);
+    const fsn_status status = do_it(d);
     fsn_json_close(json, '}');
     fsn_json_end(json);
     return status;
 }
 
 void fsn_job_run(struct fsn_job *job, const struct fsn_job_context *context) {
-    struct doing d = {job, context};
-    uint32_t abort_code = 0;
+    struct doing d = {.job = job, .context = context};
     job->status = FSN_E_STATE;
     job->until_ns = job->kind == FSN_JOB_SCAN ? 0 : fsn_now_ns() + MOST_S * UINT64_C(1000000000);
     if (atomic_load(&job->cancelled)) {
         return;
     }
     if (context->core != NULL) {
-        job->status = write_answer(&d, &abort_code);
+        job->status = write_answer(&d);
     }
     if (job->status == FSN_OK) {
         job->status = job->json.failed;
     }
     if (job->status != FSN_OK) {
-        fault_text(job, context->plan, job->status, abort_code);
+        fault_text(job, context->plan, job->status, d.abort_code);
     }
 }
 

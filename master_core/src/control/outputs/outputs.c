@@ -134,22 +134,9 @@ void fsn_outputs_close(struct fsn_outputs *outputs, fsn_fallback_fn fallback, vo
 
 uint32_t fsn_outputs_find(const struct fsn_outputs *outputs, const char *name, bool output) {
     const struct named wanted = {name, output, FSN_NONE};
-    uint32_t low = 0;
-    uint32_t high = outputs->count;
-    while (low < high) {
-        /* mutants: any place between them leads there */
-        const uint32_t middle = low + (high - low) / 2;
-        const int order = compare_names(&wanted, &outputs->by_name[middle]);
-        if (order == 0) {
-            return outputs->by_name[middle].symbol;
-        }
-        if (order < 0) {
-            high = middle;
-        } else {
-            low = middle + 1;
-        }
-    }
-    return FSN_NONE;
+    const struct named *found =
+        bsearch(&wanted, outputs->by_name, outputs->count, sizeof wanted, compare_names);
+    return found != NULL ? found->symbol : FSN_NONE;
 }
 
 struct fsn_output_state fsn_outputs_state(const struct fsn_outputs *outputs, uint32_t symbol) {

@@ -2,6 +2,7 @@
 #define _GNU_SOURCE
 
 #include <errno.h>
+#include <stdio.h>
 #include <string.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -79,14 +80,13 @@ static void read_some(struct fsn_control *control, struct fsn_client *client) {
 }
 
 /** Best effort: one short line into a socket that is empty or is never read. */
-static void say_last(int fd, const char *text) {
-    const ssize_t sent = send(fd, text, strlen(text), MSG_NOSIGNAL | MSG_DONTWAIT);
+static void say_last(int fd, fsn_status status, const char *text, const char *hint) {
+    char line[256];
+    const int len = snprintf(line, sizeof line,
+                             "{\"ok\":false,\"error\":\"%s\",\"text\":\"%s\",\"hint\":\"%s\"}\n",
+                             fsn_status_name(status), text, hint);
+    const ssize_t sent = send(fd, line, (size_t)len, MSG_NOSIGNAL | MSG_DONTWAIT);
     (void)sent;
-}
-
-static void turn_away(int fd, const char *text) {
-    say_last(fd, text);
-    close(fd);
 }
 
 /** Unread data of a client: requests, its end. */
@@ -172,19 +172,17 @@ static struct fsn_client *make_room(struct fsn_control *control, enum fsn_role r
     }
     struct fsn_client *client = idlest(control, now_ns, first ? 0 : IDLE_MS * UINT64_C(1000000));
     if (client != NULL) {
-        say_last(client->fd,
-                 "{\"ok\":false,\"error\":\"FSN_E_BUSY\",\"text\":\"dropped: silent, and "
-                 "its place was needed for another client\",\"hint\":\"connect again when there "
-                 "is something to ask\"}\n");
+        say_last(client->fd, FSN_E_BUSY,
+                 "dropped: silent, and its place was needed for another client",
+                 "connect again when there is something to ask");
         fsn_client_drop(&control->services, client, "makes room");
         return client;
     }
     client = first ? NULL : surplus(control, uid);
     if (client != NULL) {
-        say_last(client->fd,
-                 "{\"ok\":false,\"error\":\"FSN_E_BUSY\",\"text\":\"dropped: this user has "
-                 "the most places, and another user needed one\",\"hint\":\"close "
-                 "clients of this user\"}\n");
+        say_last(client->fd, FSN_E_BUSY,
+                 "dropped: this user has the most places, and another user needed one",
+                 "close clients of this user");
         fsn_client_drop(&control->services, client, "has a place too many for its user");
     }
     return client;
@@ -235,16 +233,16 @@ static bool accept_one(struct fsn_control *control) {
     const enum fsn_role role = read_role(control, fd, &peer);
     if (role == FSN_NO_ROLE) {
         report_turned_away(control, peer.pid, peer.uid);
-        turn_away(fd, "{\"ok\":false,\"error\":\"FSN_E_CLOSED\",\"text\":\"this user may not "
-                      "connect\",\"hint\":\"start fsn-master with --allow-user or "
-                      "--allow-group\"}\n");
+        say_last(fd, FSN_E_CLOSED, "this user may not connect",
+                 "start fsn-master with --allow-user or --allow-group");
+        close(fd);
         return true;
     }
     const uint64_t now = fsn_now_ns();
     struct fsn_client *client = make_room(control, role, peer.uid, now);
     if (client == NULL) {
-        turn_away(fd, "{\"ok\":false,\"error\":\"FSN_E_BUSY\",\"text\":\"too many clients\","
-                      "\"hint\":\"close one of them\"}\n");
+        say_last(fd, FSN_E_BUSY, "too many clients", "close one of them");
+        close(fd);
         return true;
     }
     *client = (struct fsn_client){.fd = fd,

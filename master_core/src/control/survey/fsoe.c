@@ -203,15 +203,10 @@ static void note_planned(const struct fsn_plan *plan, uint32_t subdevice, struct
 }
 
 static void put_planned(const struct fsn_survey *survey, uint32_t position, struct fsn_json *json) {
-    static const struct fsn_surveyed nothing;
-    struct fsn_surveyed of = nothing;
+    struct fsn_surveyed of;
     struct found found;
-    of.survey = survey;
-    of.position = position;
-    (void)survey->ops->acyclic->member(survey->bus, position, &of.member);
     const struct fsn_bus_member *m = &of.member;
-    of.coe = m->al_status != FSN_AL_NONE && (m->mailbox & FSN_MAILBOX_COE) != 0 &&
-             survey->ops->acyclic->upload != NULL;
+    (void)fsn_survey_begin(&of, survey, position);
     if (!of.coe || m->subdevice == FSN_NONE) {
         return;
     }

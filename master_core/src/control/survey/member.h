@@ -37,6 +37,10 @@ struct fsn_surveyed {
     char problem[FSN_SURVEY_PROBLEMS][FSN_SURVEY_TEXT];
 };
 
+/** Reads what the bus reports about a position; returns as member() of fsn_bus_acyclic. */
+fsn_status fsn_survey_begin(struct fsn_surveyed *of, const struct fsn_survey *survey,
+                            uint32_t position);
+
 __attribute__((format(printf, 2, 3))) void fsn_survey_problem(struct fsn_surveyed *of,
                                                               const char *format, ...);
 

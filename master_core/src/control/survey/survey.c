@@ -23,6 +23,19 @@ void fsn_survey_problem(struct fsn_surveyed *of, const char *format, ...) {
     va_end(arguments);
 }
 
+fsn_status fsn_survey_begin(struct fsn_surveyed *of, const struct fsn_survey *survey,
+                            uint32_t position) {
+    static const struct fsn_surveyed nothing;
+    *of = nothing;
+    of->survey = survey;
+    of->position = position;
+    const struct fsn_bus_member *m = &of->member;
+    const fsn_status status = survey->ops->acyclic->member(survey->bus, position, &of->member);
+    of->coe = m->al_status != FSN_AL_NONE && (m->mailbox & FSN_MAILBOX_COE) != 0 &&
+              survey->ops->acyclic->upload != NULL;
+    return status;
+}
+
 static bool goes_on(struct fsn_surveyed *of) {
     const struct fsn_survey *s = of->survey;
     of->stopped = of->stopped || (s->between != NULL && !s->between(s->self));
@@ -196,17 +209,13 @@ static void put_end(const struct fsn_surveyed *of, struct fsn_json *json) {
 
 static bool put_subdevice(const struct fsn_survey *survey, uint32_t position, uint8_t *room,
                           struct fsn_json *json) {
-    static const struct fsn_surveyed nothing;
-    struct fsn_surveyed of = nothing;
-    of.survey = survey;
-    of.position = position;
-    struct fsn_bus_member *m = &of.member;
-    if (survey->ops->acyclic->member(survey->bus, position, m) != FSN_OK &&
-        m->al_status != FSN_AL_NONE) {
+    struct fsn_surveyed of;
+    const struct fsn_bus_member *m = &of.member;
+    const fsn_status status = fsn_survey_begin(&of, survey, position);
+    if (status != FSN_OK && m->al_status != FSN_AL_NONE) {
         fsn_survey_problem(&of, "it answers only some of its registers");
     }
-    of.coe = m->al_status != FSN_AL_NONE && (m->mailbox & FSN_MAILBOX_COE) != 0 &&
-             (m->al_status & STATE_BITS) != FSN_AL_INIT && survey->ops->acyclic->upload != NULL;
+    of.coe = of.coe && (m->al_status & STATE_BITS) != FSN_AL_INIT;
     if (m->al_status != FSN_AL_NONE) {
         read_sii(&of, room);
     }
