@@ -77,58 +77,33 @@ static void shift(uint8_t *at, const struct range *range) {
     fsn_put32(at, fsn_get32(at) - range->first);
 }
 
-static void put_subdevices(struct part *part) {
-    for (uint32_t n = 0; n < part->subdevices.count; n++) {
-        uint8_t *r = append(part, FSN_SEC_SUBDEVICE, part->subdevices.first + n);
-        shift(r + FSN_AT(subdevice, first_sm), &part->sms);
-        shift(r + FSN_AT(subdevice, first_sdo), &part->sdos);
-    }
-}
-
-static void put_sms(struct part *part) {
-    for (uint32_t n = 0; n < part->sms.count; n++) {
-        uint8_t *r = append(part, FSN_SEC_SM, part->sms.first + n);
-        shift(r + FSN_AT(sm, subdevice), &part->subdevices);
-        shift(r + FSN_AT(sm, first_pdo), &part->pdos);
-    }
-}
-
-static void put_pdos(struct part *part) {
-    for (uint32_t n = 0; n < part->pdos.count; n++) {
-        uint8_t *r = append(part, FSN_SEC_PDO, part->pdos.first + n);
-        shift(r + FSN_AT(pdo, first_entry), &part->entries);
-    }
-}
-
-static void put_entries(struct part *part) {
-    for (uint32_t n = 0; n < part->entries.count; n++) {
-        append(part, FSN_SEC_ENTRY, part->entries.first + n);
-    }
-}
-
-static void put_sdos(struct part *part) {
-    for (uint32_t n = 0; n < part->sdos.count; n++) {
-        append(part, FSN_SEC_SDO, part->sdos.first + n);
-    }
-}
-
-static void put_symbols(struct part *part) {
-    for (uint32_t n = 0; n < part->from->count[FSN_SEC_SYMBOL]; n++) {
-        if (holds(&part->sms, fsn_read_symbol(part->from, n).sm)) {
-            shift(append(part, FSN_SEC_SYMBOL, n) + FSN_AT(symbol, sm), &part->sms);
+/** Appends consecutive records, of which up to two numbers are shifted; NULL: none. */
+static void put_range(struct part *part, uint32_t section, struct range range, uint32_t at,
+                      const struct range *by, uint32_t other_at, const struct range *other_by) {
+    part->to->offset[section] = part->to->len_bytes;
+    for (uint32_t n = 0; n < range.count; n++) {
+        uint8_t *r = append(part, section, range.first + n);
+        if (by != NULL) {
+            shift(r + at, by);
+        }
+        if (other_by != NULL) {
+            shift(r + other_at, other_by);
         }
     }
 }
 
-static void put_blocks(struct part *part) {
-    for (uint32_t n = 0; n < part->from->count[FSN_SEC_BLOCK]; n++) {
-        if (holds(&part->sms, fsn_read_block(part->from, n).sm)) {
-            shift(append(part, FSN_SEC_BLOCK, n) + FSN_AT(block, sm), &part->sms);
+/** Appends the records with a sync manager of this bus, whose number is at a byte of them. */
+static void put_of_sms(struct part *part, uint32_t section, uint32_t at) {
+    part->to->offset[section] = part->to->len_bytes;
+    for (uint32_t n = 0; n < part->from->count[section]; n++) {
+        if (holds(&part->sms, fsn_get32(fsn_record(part->from, section, n) + at))) {
+            shift(append(part, section, n) + at, &part->sms);
         }
     }
 }
 
 static void put_copies(struct part *part) {
+    part->to->offset[FSN_SEC_COPY] = part->to->len_bytes;
     for (uint32_t n = 0; n < part->from->count[FSN_SEC_COPY]; n++) {
         const uint32_t connection = fsn_read_copy(part->from, n).connection;
         if (part->copy[n] != FSN_NONE) {
@@ -142,6 +117,7 @@ static void put_copies(struct part *part) {
 }
 
 static void put_connections(struct part *part) {
+    part->to->offset[FSN_SEC_CONNECTION] = part->to->len_bytes;
     for (uint32_t n = 0; n < part->from->count[FSN_SEC_CONNECTION]; n++) {
         const struct fsn_connection_record c = fsn_read_connection(part->from, n);
         if (part->connection[n] != FSN_NONE) {
@@ -154,31 +130,22 @@ static void put_connections(struct part *part) {
     }
 }
 
-static void put_strings(struct part *part) {
-    for (uint32_t n = 0; n < part->from->count[FSN_SEC_STRINGS]; n++) {
-        append(part, FSN_SEC_STRINGS, n);
-    }
-}
-
 static fsn_status write_sections(struct part *part) {
-    static void (*const put[])(struct part *) = {
-        [FSN_SEC_SUBDEVICE] = put_subdevices,
-        [FSN_SEC_SM] = put_sms,
-        [FSN_SEC_PDO] = put_pdos,
-        [FSN_SEC_ENTRY] = put_entries,
-        [FSN_SEC_SDO] = put_sdos,
-        [FSN_SEC_SYMBOL] = put_symbols,
-        [FSN_SEC_BLOCK] = put_blocks,
-        [FSN_SEC_COPY] = put_copies,
-        [FSN_SEC_CONNECTION] = put_connections,
-        [FSN_SEC_STRINGS] = put_strings,
-    };
+    const struct range strings = {0, part->from->count[FSN_SEC_STRINGS]};
     find_ranges(part);
     number_kept(part);
-    for (uint32_t section = 1; section <= FSN_SECTIONS; section++) {
-        part->to->offset[section] = part->to->len_bytes;
-        put[section](part);
-    }
+    put_range(part, FSN_SEC_SUBDEVICE, part->subdevices, FSN_AT(subdevice, first_sm), &part->sms,
+              FSN_AT(subdevice, first_sdo), &part->sdos);
+    put_range(part, FSN_SEC_SM, part->sms, FSN_AT(sm, subdevice), &part->subdevices,
+              FSN_AT(sm, first_pdo), &part->pdos);
+    put_range(part, FSN_SEC_PDO, part->pdos, FSN_AT(pdo, first_entry), &part->entries, 0, NULL);
+    put_range(part, FSN_SEC_ENTRY, part->entries, 0, NULL, 0, NULL);
+    put_range(part, FSN_SEC_SDO, part->sdos, 0, NULL, 0, NULL);
+    put_of_sms(part, FSN_SEC_SYMBOL, FSN_AT(symbol, sm));
+    put_of_sms(part, FSN_SEC_BLOCK, FSN_AT(block, sm));
+    put_copies(part);
+    put_connections(part);
+    put_range(part, FSN_SEC_STRINGS, strings, 0, NULL, 0, NULL);
     FSN_TRY(fsn_prove_layout(part->to, NULL));
     return fsn_prove_copies(part->to, NULL);
 }

@@ -222,18 +222,20 @@ FSN_COUNT(connection, CONNECTION)
 FSN_COUNT(group, GROUP)
 #undef FSN_COUNT
 
-fsn_status fsn_plan_group(const struct fsn_plan *plan, uint32_t number,
-                          struct fsn_group_info *info) {
-    if (number >= plan->count[FSN_SEC_GROUP]) {
-        return FSN_E_ARG;
+/** Decodes a record into what the public functions give about it: `r` is the record. */
+#define FSN_INFO(record, RECORD, ...)                                                              \
+    fsn_status fsn_plan_##record(const struct fsn_plan *plan, uint32_t number,                     \
+                                 struct fsn_##record##_info *info) {                               \
+        if (number >= plan->count[FSN_SEC_##RECORD]) {                                             \
+            return FSN_E_ARG;                                                                      \
+        }                                                                                          \
+        const struct fsn_##record##_record r = fsn_read_##record(plan, number);                    \
+        *info = (struct fsn_##record##_info){__VA_ARGS__};                                         \
+        return FSN_OK;                                                                             \
     }
-    const struct fsn_group_record r = fsn_read_group(plan, number);
-    *info = (struct fsn_group_info){.name = fsn_string(plan, r.name),
-                                    .place = fsn_string(plan, r.place),
-                                    .first_subdevice = r.first_subdevice,
-                                    .subdevice_count = r.subdevice_count};
-    return FSN_OK;
-}
+
+FSN_INFO(group, GROUP, .name = fsn_string(plan, r.name), .place = fsn_string(plan, r.place),
+         .first_subdevice = r.first_subdevice, .subdevice_count = r.subdevice_count)
 
 uint32_t fsn_plan_group_of(const struct fsn_plan *plan, uint32_t subdevice) {
     for (uint32_t n = 0; n < plan->count[FSN_SEC_GROUP]; n++) {
@@ -259,48 +261,15 @@ bool fsn_plan_is_first_choice(const struct fsn_plan *plan, uint32_t subdevice) {
     return true;
 }
 
-fsn_status fsn_plan_subdevice(const struct fsn_plan *plan, uint32_t number,
-                              struct fsn_subdevice_info *info) {
-    if (number >= plan->count[FSN_SEC_SUBDEVICE]) {
-        return FSN_E_ARG;
-    }
-    const struct fsn_subdevice_record r = fsn_read_subdevice(plan, number);
-    *info = (struct fsn_subdevice_info){
-        .name = fsn_string(plan, r.name),
-        .alias = r.alias,
-        .position = r.position,
-        .vendor_id = r.vendor_id,
-        .product_code = r.product_code,
-        .revision_low = r.revision_low,
-        .revision_high = r.revision_high,
-        .first_sm = r.first_sm,
-        .sm_count = r.sm_count,
-        .first_sdo = r.first_sdo,
-        .sdo_count = r.sdo_count,
-        .assign_activate = r.assign_activate,
-        .in_copy = (uint8_t)(r.in_copy & 1u),
-    };
-    return FSN_OK;
-}
+FSN_INFO(subdevice, SUBDEVICE, .name = fsn_string(plan, r.name), .alias = r.alias,
+         .position = r.position, .vendor_id = r.vendor_id, .product_code = r.product_code,
+         .revision_low = r.revision_low, .revision_high = r.revision_high, .first_sm = r.first_sm,
+         .sm_count = r.sm_count, .first_sdo = r.first_sdo, .sdo_count = r.sdo_count,
+         .assign_activate = r.assign_activate, .in_copy = (uint8_t)(r.in_copy & 1u))
 
-fsn_status fsn_plan_sm(const struct fsn_plan *plan, uint32_t number, struct fsn_sm_info *info) {
-    if (number >= plan->count[FSN_SEC_SM]) {
-        return FSN_E_ARG;
-    }
-    const struct fsn_sm_record r = fsn_read_sm(plan, number);
-    *info = (struct fsn_sm_info){
-        .subdevice = r.subdevice,
-        .index = r.index,
-        .direction = r.direction,
-        .watchdog = r.watchdog,
-        .registered = r.registered & 1u,
-        .bits = r.bits,
-        .size_bytes = (r.bits + 7) / 8,
-        .first_pdo = r.first_pdo,
-        .pdo_count = r.pdo_count,
-    };
-    return FSN_OK;
-}
+FSN_INFO(sm, SM, .subdevice = r.subdevice, .index = r.index, .direction = r.direction,
+         .watchdog = r.watchdog, .registered = r.registered & 1u, .bits = r.bits,
+         .size_bytes = (r.bits + 7) / 8, .first_pdo = r.first_pdo, .pdo_count = r.pdo_count)
 
 static double real_of(uint64_t bits) {
     double value;
@@ -308,26 +277,10 @@ static double real_of(uint64_t bits) {
     return value;
 }
 
-fsn_status fsn_plan_symbol(const struct fsn_plan *plan, uint32_t number,
-                           struct fsn_symbol_info *info) {
-    if (number >= plan->count[FSN_SEC_SYMBOL]) {
-        return FSN_E_ARG;
-    }
-    const struct fsn_symbol_record r = fsn_read_symbol(plan, number);
-    *info = (struct fsn_symbol_info){
-        .name = fsn_string(plan, r.name),
-        .sm = r.sm,
-        .bit_offset = r.bit_offset,
-        .bits = r.bits,
-        .kind = r.kind,
-        .output = r.flags & 1u,
-        .restart_relevant = (r.flags >> 1) & 1u,
-        .stop_value = r.stop_value,
-        .factor = real_of(r.factor),
-        .offset = real_of(r.offset),
-    };
-    return FSN_OK;
-}
+FSN_INFO(symbol, SYMBOL, .name = fsn_string(plan, r.name), .sm = r.sm, .bit_offset = r.bit_offset,
+         .bits = r.bits, .kind = r.kind, .output = r.flags & 1u,
+         .restart_relevant = (r.flags >> 1) & 1u, .stop_value = r.stop_value,
+         .factor = real_of(r.factor), .offset = real_of(r.offset))
 
 struct fsn_entry_record fsn_symbol_object(const struct fsn_plan *plan,
                                           const struct fsn_symbol_info *symbol) {
@@ -341,39 +294,13 @@ struct fsn_entry_record fsn_symbol_object(const struct fsn_plan *plan,
     return (struct fsn_entry_record){0};
 }
 
-fsn_status fsn_plan_block(const struct fsn_plan *plan, uint32_t number,
-                          struct fsn_block_info *info) {
-    if (number >= plan->count[FSN_SEC_BLOCK]) {
-        return FSN_E_ARG;
-    }
-    const struct fsn_block_record r = fsn_read_block(plan, number);
-    *info = (struct fsn_block_info){
-        .sm = r.sm,
-        .byte_offset = r.byte_offset,
-        .frame_bytes = r.frame_bytes,
-        .safe_bytes = r.safe_bytes,
-        .copied = (uint8_t)(r.copied & 1u),
-    };
-    return FSN_OK;
-}
+FSN_INFO(block, BLOCK, .sm = r.sm, .byte_offset = r.byte_offset, .frame_bytes = r.frame_bytes,
+         .safe_bytes = r.safe_bytes, .copied = (uint8_t)(r.copied & 1u))
 
-fsn_status fsn_plan_copy(const struct fsn_plan *plan, uint32_t number, struct fsn_copy_info *info) {
-    if (number >= plan->count[FSN_SEC_COPY]) {
-        return FSN_E_ARG;
-    }
-    const struct fsn_copy_record r = fsn_read_copy(plan, number);
-    *info = (struct fsn_copy_info){
-        .source_sm = r.source_sm,
-        .source_byte = r.source_bit / 8,
-        .destination_sm = r.destination_sm,
-        .destination_byte = r.destination_bit / 8,
-        .size_bytes = r.bits / 8,
-        .net = fsn_string(plan, r.net),
-        .kind = r.kind,
-        .connection = r.connection,
-    };
-    return FSN_OK;
-}
+FSN_INFO(copy, COPY, .source_sm = r.source_sm, .source_byte = r.source_bit / 8,
+         .destination_sm = r.destination_sm, .destination_byte = r.destination_bit / 8,
+         .size_bytes = r.bits / 8, .net = fsn_string(plan, r.net), .kind = r.kind,
+         .connection = r.connection)
 
 static uint8_t hex_digit(char digit) {
     return (uint8_t)(digit <= '9' ? digit - '0' : digit - 'a' + 10);
