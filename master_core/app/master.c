@@ -6,8 +6,6 @@
 #include <stdio.h>
 #include <string.h>
 #include <sys/signalfd.h>
-#include <sys/socket.h>
-#include <sys/un.h>
 #include <unistd.h>
 
 #include "app/base/confine.h"
@@ -70,8 +68,6 @@ struct master {
     void *self;
 };
 
-static const char *const policy_name[] = {"fifo", "deadline", "other"};
-
 static void set_state(struct master *m, enum state state, enum fsn_log_level level,
                       const char *text) {
     char lines[256];
@@ -108,13 +104,11 @@ static void host_status(void *self, struct fsn_control_status *status) {
         .acceptance_said = o->acceptance_said,
         .interventions = m->logs ? &m->interventions : NULL,
         .require_observed = o->require_observed,
-        .policy = policy_name[m->policy],
+        .policy = policy_name(m->policy),
         .started_ns = m->started_ns,
         .cycle_ns = o->cycle_ns,
         .cpu = o->cpu,
-        .priority = m->policy != POLICY_FIFO ? 0
-                    : o->priority > 0        ? o->priority
-                                             : 80,
+        .priority = m->policy == POLICY_FIFO ? options_priority(o) : 0,
         .free_run = o->free_run,
     };
 }
@@ -297,7 +291,7 @@ static void opened(struct master *m, const struct runner_result *result) {
     fsn_control_attach(m->control, m->core);
     snprintf(cycle, sizeof cycle, "%.3f ms", (double)m->options->cycle_ns / 1e6);
     snprintf(text, sizeof text, "the cycle runs: %s, scheduling %s, memory %s",
-             m->options->free_run ? "free, without waiting" : cycle, policy_name[m->policy],
+             m->options->free_run ? "free, without waiting" : cycle, policy_name(m->policy),
              m->locked ? "locked" : "not locked");
     set_state(m, RUNNING, FSN_LOG_INFO, text);
     if (m->policy != m->options->policy) {
@@ -504,13 +498,6 @@ static void turn(struct master *m) {
     advance(m);
 }
 
-static bool is_socket_at(int listener, const char *path) {
-    struct sockaddr_un address = {.sun_family = AF_UNIX};
-    socklen_t size = sizeof address;
-    return getsockname(listener, (struct sockaddr *)&address, &size) == 0 &&
-           strncmp(address.sun_path, path, sizeof address.sun_path) == 0;
-}
-
 static int listen_on(struct master *m, const char *path) {
     struct fsn_refusal refusal;
     if (fsn_control_listen(m->control, path, &refusal) == FSN_OK) {
@@ -578,7 +565,7 @@ int master_run(const struct options *options, const struct fsn_plan *plan,
     watch_log(&m);
     m.code = keep_incidents(&m);
     /* The predecessor still owns the socket with this path; it is taken over at the handover. */
-    m.listener_waits = predecessor != NULL && is_socket_at(predecessor->listener, socket_path);
+    m.listener_waits = predecessor != NULL && fsn_control_is_at(predecessor->listener, socket_path);
     if (m.code == -1 && !m.listener_waits) {
         m.code = listen_on(&m, socket_path);
     }

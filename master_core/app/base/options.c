@@ -176,13 +176,12 @@ static int take_clock(const struct row *row, const char *text, struct options *o
 }
 
 static int take_policy(const struct row *row, const char *text, struct options *o) {
-    static const char *const name[] = {"fifo", "deadline", "other"};
     o->policy = POLICY_FIFO;
-    while (o->policy < POLICY_OTHER && strcmp(text, name[o->policy]) != 0) {
+    while (o->policy < POLICY_OTHER && strcmp(text, policy_name(o->policy)) != 0) {
         o->policy++;
     }
     o->policy_given = true;
-    return require(strcmp(text, name[o->policy]) == 0, row, text, "fifo, deadline or other");
+    return require(strcmp(text, policy_name(o->policy)) == 0, row, text, "fifo, deadline or other");
 }
 
 static int take_hash(const struct row *row, const char *text, struct options *o) {

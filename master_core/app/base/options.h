@@ -53,6 +53,11 @@ struct options {
  *  @return -1 to continue, otherwise the exit code, with the error printed. */
 int options_read(int argc, char **argv, struct options *options);
 
+static inline const char *policy_name(enum policy policy) {
+    static const char *const name[] = {"fifo", "deadline", "other"};
+    return name[policy];
+}
+
 /** Priority of the cyclic threads; 0: normal scheduling. */
 static inline int options_priority(const struct options *options) {
     if (options->policy != POLICY_FIFO) {

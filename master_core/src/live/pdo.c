@@ -5,16 +5,10 @@
 
 enum { ASSIGNMENT = 0x1C10, MOST_PDOS = 64, LONGEST_PADDING = 248 };
 
-/** A mapping in the form of its objects. */
-struct mapping {
+/** PDOs of a sync manager, or a mapping in the form of its objects. */
+struct list {
     uint32_t count;
-    uint32_t entries[FSN_PDO_ENTRIES];
-};
-
-/** PDOs of one sync manager. */
-struct assignment {
-    uint32_t count;
-    uint16_t pdos[MOST_PDOS];
+    uint32_t values[FSN_PDO_ENTRIES];
 };
 
 /** Common arguments of this file. */
@@ -51,23 +45,23 @@ uint32_t fsn_pdo_entries(const struct fsn_plan *plan, uint32_t number,
     return count;
 }
 
-static void planned_assignment(const struct at *at, struct assignment *a) {
+static void planned_assignment(const struct at *at, struct list *a) {
     const struct fsn_sm_record sm = fsn_read_sm(at->plan, at->sm);
     a->count = sm.pdo_count > MOST_PDOS ? MOST_PDOS : sm.pdo_count;
     for (uint32_t i = 0; i < a->count; i++) {
-        a->pdos[i] = fsn_read_pdo(at->plan, sm.first_pdo + i).index;
+        a->values[i] = fsn_read_pdo(at->plan, sm.first_pdo + i).index;
     }
 }
 
 /** Joins adjacent padding, so that 16 bits are equal to twice 8 bits. */
-static void join_padding(struct mapping *m) {
+static void join_padding(struct list *m) {
     uint32_t kept = 0;
     for (uint32_t i = 0; i < m->count; i++) {
-        const bool padding = m->entries[i] >> 16 == 0;
-        if (padding && kept > 0 && m->entries[kept - 1] >> 16 == 0) {
-            m->entries[kept - 1] += m->entries[i] & 0xFFu;
+        const bool padding = m->values[i] >> 16 == 0;
+        if (padding && kept > 0 && m->values[kept - 1] >> 16 == 0) {
+            m->values[kept - 1] += m->values[i] & 0xFFu;
         } else {
-            m->entries[kept++] = padding ? m->entries[i] & 0xFFu : m->entries[i];
+            m->values[kept++] = padding ? m->values[i] & 0xFFu : m->values[i];
         }
     }
     m->count = kept;
@@ -83,27 +77,15 @@ static fsn_status read_number(const struct at *at, uint16_t index, uint8_t sub, 
     return status;
 }
 
-static fsn_status read_assignment(const struct at *at, struct assignment *a) {
-    FSN_TRY(read_number(at, at->assigned, 0, &a->count));
-    a->count &= 0xFFu;
-    a->count = a->count > MOST_PDOS ? MOST_PDOS : a->count;
-    for (uint32_t i = 0; i < a->count; i++) {
-        uint32_t pdo;
-        FSN_TRY(read_number(at, at->assigned, (uint8_t)(i + 1), &pdo));
-        a->pdos[i] = (uint16_t)pdo;
-    }
-    return FSN_OK;
-}
-
-static fsn_status read_mapping(const struct at *at, uint16_t pdo, struct mapping *m) {
-    uint32_t count;
-    FSN_TRY(read_number(at, pdo, 0, &count));
-    count &= 0xFFu;
-    m->count = 0;
-    for (uint32_t i = 0; i < count; i++) {
-        uint32_t entry;
-        FSN_TRY(read_number(at, pdo, (uint8_t)(i + 1), &entry));
-        add_entry(m->entries, &m->count, entry);
+/** Reads an object whose subindex 0 counts the others, at most `most` of them and some bits. */
+static fsn_status read_list(const struct at *at, uint16_t index, uint32_t most, uint32_t bits,
+                            struct list *list) {
+    FSN_TRY(read_number(at, index, 0, &list->count));
+    list->count &= 0xFFu;
+    list->count = list->count > most ? most : list->count;
+    for (uint32_t i = 0; i < list->count; i++) {
+        FSN_TRY(read_number(at, index, (uint8_t)(i + 1), &list->values[i]));
+        list->values[i] &= bits;
     }
     return FSN_OK;
 }
@@ -119,27 +101,20 @@ static bool write_number(const struct at *at, uint16_t index, uint8_t sub, uint3
 }
 
 /** The order required by ETG.1000: empty it, fill it, then set the count. */
-static void write_assignment(const struct at *at, const struct assignment *a) {
-    bool ok = write_number(at, at->assigned, 0, 0, 1);
-    for (uint32_t i = 0; ok && i < a->count; i++) {
-        ok = write_number(at, at->assigned, (uint8_t)(i + 1), a->pdos[i], 2);
+static void write_list(const struct at *at, uint16_t index, uint32_t size,
+                       const struct list *list) {
+    bool ok = write_number(at, index, 0, 0, 1);
+    for (uint32_t i = 0; ok && i < list->count; i++) {
+        ok = write_number(at, index, (uint8_t)(i + 1), list->values[i], size);
     }
     /* Even if one was refused, so that the SubDevice is not left without an assignment. */
-    (void)write_number(at, at->assigned, 0, a->count, 1);
-}
-
-static void write_mapping(const struct at *at, uint16_t pdo, const struct mapping *m) {
-    bool ok = write_number(at, pdo, 0, 0, 1);
-    for (uint32_t i = 0; ok && i < m->count; i++) {
-        ok = write_number(at, pdo, (uint8_t)(i + 1), m->entries[i], 4);
-    }
-    (void)write_number(at, pdo, 0, m->count, 1);
+    (void)write_number(at, index, 0, list->count, 1);
 }
 
 /* -- comparing ------------------------------------------------------------------------------ */
 
-static bool same_assignment(const struct assignment *a, const struct assignment *b) {
-    return a->count == b->count && memcmp(a->pdos, b->pdos, a->count * sizeof *a->pdos) == 0;
+static bool same_list(const struct list *a, const struct list *b) {
+    return a->count == b->count && memcmp(a->values, b->values, a->count * sizeof *a->values) == 0;
 }
 
 static fsn_status differs(const struct at *at, const char *what, uint32_t found, uint32_t planned) {
@@ -155,36 +130,36 @@ static fsn_status unless_silent(fsn_status status) {
 }
 
 static fsn_status check_assignment(const struct at *at) {
-    struct assignment planned, found;
+    struct list planned, found;
     planned_assignment(at, &planned);
-    fsn_status status = read_assignment(at, &found);
+    fsn_status status = read_list(at, at->assigned, MOST_PDOS, UINT16_MAX, &found);
     /* mutants: either way round */
-    if (status != FSN_OK || same_assignment(&planned, &found)) {
+    if (status != FSN_OK || same_list(&planned, &found)) {
         return unless_silent(status);
     }
-    write_assignment(at, &planned);
-    status = read_assignment(at, &found);
+    write_list(at, at->assigned, 2, &planned);
+    status = read_list(at, at->assigned, MOST_PDOS, UINT16_MAX, &found);
     /* mutants: as above */
-    if (status != FSN_OK || same_assignment(&planned, &found)) {
+    if (status != FSN_OK || same_list(&planned, &found)) {
         return unless_silent(status);
     }
     for (uint32_t i = 0; i < planned.count && i < found.count; i++) {
-        if (planned.pdos[i] != found.pdos[i]) {
-            return differs(at, "an assigned PDO", found.pdos[i], planned.pdos[i]);
+        if (planned.values[i] != found.values[i]) {
+            return differs(at, "an assigned PDO", found.values[i], planned.values[i]);
         }
     }
     return differs(at, "the number of assigned PDOs", found.count, planned.count);
 }
 
-static fsn_status compare_mapping(const struct at *at, uint16_t pdo, struct mapping planned,
-                                  struct mapping *found) {
+static fsn_status compare_mapping(const struct at *at, uint16_t pdo, struct list planned,
+                                  struct list *found) {
     join_padding(&planned);
     join_padding(found);
     for (uint32_t i = 0; i < planned.count && i < found->count; i++) {
-        if (planned.entries[i] != found->entries[i]) {
+        if (planned.values[i] != found->values[i]) {
             snprintf(at->detail, FSN_DETAIL_BYTES,
                      "PDO 0x%04x, entry %u is 0x%08x, the plan has 0x%08x (index, subindex, bits)",
-                     pdo, i + 1, found->entries[i], planned.entries[i]);
+                     pdo, i + 1, found->values[i], planned.values[i]);
             return FSN_E_BUS_MAPPING;
         }
     }
@@ -198,14 +173,14 @@ static fsn_status compare_mapping(const struct at *at, uint16_t pdo, struct mapp
 
 static fsn_status check_mapping(const struct at *at, uint32_t number) {
     const uint16_t pdo = fsn_read_pdo(at->plan, number).index;
-    struct mapping planned, found;
-    planned.count = fsn_pdo_entries(at->plan, number, planned.entries);
-    fsn_status status = read_mapping(at, pdo, &found);
+    struct list planned, found;
+    planned.count = fsn_pdo_entries(at->plan, number, planned.values);
+    fsn_status status = read_list(at, pdo, FSN_PDO_ENTRIES, UINT32_MAX, &found);
     if (status != FSN_OK || compare_mapping(at, pdo, planned, &found) == FSN_OK) {
         return unless_silent(status);
     }
-    write_mapping(at, pdo, &planned);
-    status = read_mapping(at, pdo, &found);
+    write_list(at, pdo, 4, &planned);
+    status = read_list(at, pdo, FSN_PDO_ENTRIES, UINT32_MAX, &found);
     return status == FSN_OK ? compare_mapping(at, pdo, planned, &found) : unless_silent(status);
 }
 

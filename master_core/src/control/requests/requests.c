@@ -124,43 +124,33 @@ static void put_arguments(const struct fsn_request *request, size_t most, struct
     }
 }
 
-/** Reports a request that was granted and changes something. */
-static void report_granted(struct fsn_request *request) {
-    struct fsn_events *events = &request->services->events;
-    char who[FSN_CLIENT_TEXT_BYTES];
-    char words[200];
-    struct fsn_json *json = fsn_event_begin_act(events, "request", request->client->role);
-    fsn_client_put_peer(request->client, json);
-    fsn_json_put_text(json, "request", request->name);
-    put_arguments(request, FSN_LINE_BYTES, json);
-    fsn_json_put_text(json, "error", NULL);
-    fsn_event_send(events, FSN_LOG_INFO, "%s requests %s", fsn_client_text(request->client, who),
-                   request_text(request, words, sizeof words));
-}
-
-/** Reports a refused request that would have changed something, as often as its user may cause
- *  events; otherwise counts it. */
-static void report_refused(struct fsn_request *request, const char *name) {
+/** Reports a request that changes something, or would have. A refused one is reported as often as
+ *  its user may cause events; otherwise it is counted. */
+static void report(struct fsn_request *request, const char *name, bool refused) {
     struct fsn_client *client = request->client;
     struct fsn_events *events = &request->services->events;
     char who[FSN_CLIENT_TEXT_BYTES];
     char words[200];
-    const uint64_t now_ns = fsn_now_ns();
-    const struct fsn_cause cause = fsn_client_cause(client, name, request->refusal.status);
-    const uint32_t times =
-        fsn_quota_take(&request->services->quotas, FSN_QUOTA_REFUSED, &cause, now_ns);
-    if (times == 0) {
-        return;
+    uint32_t times = 0;
+    if (refused) {
+        const struct fsn_cause cause = fsn_client_cause(client, name, request->refusal.status);
+        times = fsn_quota_take(&request->services->quotas, FSN_QUOTA_REFUSED, &cause, fsn_now_ns());
+        if (times == 0) {
+            return;
+        }
     }
-    struct fsn_json *json = fsn_event_begin(events, "request", now_ns);
+    struct fsn_json *json =
+        fsn_event_begin_act(events, "request", refused ? FSN_OBSERVER : client->role);
     fsn_client_put_peer(client, json);
     fsn_json_put_text(json, "request", name);
-    put_arguments(request, ARGUMENT_BYTES, json);
-    fsn_json_put_text(json, "error", fsn_status_name(request->refusal.status));
-    fsn_json_put_u64(json, "times", times);
-    fsn_event_send(events, FSN_LOG_WARNING, "%s requests %s, refused: %s",
+    put_arguments(request, refused ? ARGUMENT_BYTES : FSN_LINE_BYTES, json);
+    fsn_json_put_text(json, "error", refused ? fsn_status_name(request->refusal.status) : NULL);
+    if (refused) {
+        fsn_json_put_u64(json, "times", times);
+    }
+    fsn_event_send(events, refused ? FSN_LOG_WARNING : FSN_LOG_INFO, "%s requests %s%s%s",
                    fsn_client_text(client, who), request_text(request, words, sizeof words),
-                   request->refusal.text);
+                   refused ? ", refused: " : "", refused ? request->refusal.text : "");
 }
 
 static fsn_status lease(struct fsn_request *request) {
@@ -353,10 +343,10 @@ static fsn_status answer(struct fsn_request *request) {
         found = request->later ? fsn_answer_later(request) : entry->answer(request);
     }
     if (found == FSN_OK && entry->event == CHANGES) {
-        report_granted(request);
+        report(request, entry->name, false);
         /* Refused changes are also recorded, because a client has attempted them. */
     } else if (found != FSN_OK && (!may || entry->event != READS)) {
-        report_refused(request, entry->name);
+        report(request, entry->name, true);
     }
     return found;
 }

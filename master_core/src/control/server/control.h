@@ -58,6 +58,9 @@ fsn_status fsn_control_listen(struct fsn_control *control, const char *path,
 fsn_status fsn_control_adopt(struct fsn_control *control, int listener, const char *path,
                              struct fsn_refusal *refusal);
 
+/** Whether a listener is the socket with this path. */
+bool fsn_control_is_at(int listener, const char *path);
+
 /** Descriptor of the socket, for the successor. */
 int fsn_control_listener(const struct fsn_control *control);
 

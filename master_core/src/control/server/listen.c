@@ -2,6 +2,7 @@
 #define _GNU_SOURCE
 
 #include <errno.h>
+#include <stdio.h>
 #include <string.h>
 #include <sys/socket.h>
 #include <sys/un.h>
@@ -43,6 +44,16 @@ static fsn_status make_way(const struct sockaddr_un *address, struct fsn_refusal
                : system_refuses(refusal, "the socket that a dead process left", address->sun_path);
 }
 
+/** The socket at control->path is ours. */
+static fsn_status keep(struct fsn_control *control, int listener, const char *path,
+                       const struct stat *file) {
+    snprintf(control->path, sizeof control->path, "%s", path);
+    control->device = file->st_dev;
+    control->inode = file->st_ino;
+    control->listener = listener;
+    return FSN_OK;
+}
+
 fsn_status fsn_control_listen(struct fsn_control *control, const char *path,
                               struct fsn_refusal *refusal) {
     struct sockaddr_un address = {.sun_family = AF_UNIX};
@@ -73,31 +84,26 @@ fsn_status fsn_control_listen(struct fsn_control *control, const char *path,
         }
         return FSN_E_SYS;
     }
-    memcpy(control->path, address.sun_path, sizeof control->path);
-    control->device = found.st_dev;
-    control->inode = found.st_ino;
-    control->listener = fd;
-    return FSN_OK;
+    return keep(control, fd, path, &found);
+}
+
+bool fsn_control_is_at(int listener, const char *path) {
+    struct sockaddr_un address = {.sun_family = AF_UNIX};
+    socklen_t size = sizeof address;
+    return getsockname(listener, (struct sockaddr *)&address, &size) == 0 &&
+           strncmp(address.sun_path, path, sizeof address.sun_path) == 0;
 }
 
 fsn_status fsn_control_adopt(struct fsn_control *control, int listener, const char *path,
                              struct fsn_refusal *refusal) {
-    struct sockaddr_un address = {.sun_family = AF_UNIX};
-    socklen_t size = sizeof address;
     struct stat found;
     const bool shared = control->access->users + control->access->groups > 0;
-    const bool same = getsockname(listener, (struct sockaddr *)&address, &size) == 0 &&
-                      strncmp(address.sun_path, path, sizeof address.sun_path) == 0;
-    if (!same || lstat(path, &found) != 0 || !S_ISSOCK(found.st_mode) ||
-        chmod(path, shared ? 0666 : 0600) != 0) {
+    if (!fsn_control_is_at(listener, path) || lstat(path, &found) != 0 ||
+        !S_ISSOCK(found.st_mode) || chmod(path, shared ? 0666 : 0600) != 0) {
         close(listener);
         return fsn_control_listen(control, path, refusal);
     }
-    memcpy(control->path, address.sun_path, sizeof control->path);
-    control->device = found.st_dev;
-    control->inode = found.st_ino;
-    control->listener = listener;
-    return FSN_OK;
+    return keep(control, listener, path, &found);
 }
 
 int fsn_control_listener(const struct fsn_control *control) {
