@@ -241,19 +241,13 @@ static int run(struct options *options, const struct words *words) {
     struct fsn_plan *plan = NULL;
     struct predecessor predecessor;
     int code = load(options, &plan);
-    if (code == -1) {
-        code = check_plan(plan, options);
-    }
-    if (code == -1) {
-        code = buses_check_groups(options, plan);
-    }
+    code = code == -1 ? check_plan(plan, options) : code;
+    code = code == -1 ? buses_check_groups(options, plan) : code;
     const bool second = options->take_over || options->standby;
     if (code == -1 && second) {
         code = predecessor_find(&predecessor, options, plan, backend);
     }
-    if (code == -1) {
-        code = buses_choose(options, plan, &backend);
-    }
+    code = code == -1 ? buses_choose(options, plan, &backend) : code;
     if (code == -1) {
         char path[512];
         struct late late = {.options = options, .plan = plan, .words = words};

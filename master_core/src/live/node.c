@@ -33,8 +33,8 @@ void *fsn_nodes_create(struct fsn_nodes *nodes, const struct fsn_plan *plan, siz
     return nodes->first;
 }
 
-fsn_status fsn_nodes_state(struct fsn_nodes *nodes, uint32_t subdevice,
-                           struct fsn_bus_subdevice *seen) {
+fsn_status fsn_nodes_state(void *bus, uint32_t subdevice, struct fsn_bus_subdevice *seen) {
+    struct fsn_nodes *nodes = bus;
     if (subdevice >= nodes->count) {
         return FSN_E_ARG;
     }

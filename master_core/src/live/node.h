@@ -37,9 +37,8 @@ void *fsn_nodes_create(struct fsn_nodes *nodes, const struct fsn_plan *plan, siz
 /** Node of a SubDevice of the plan. */
 struct fsn_node *fsn_nodes_at(const struct fsn_nodes *nodes, uint32_t number);
 
-/** state() of fsn_bus_ops. */
-fsn_status fsn_nodes_state(struct fsn_nodes *nodes, uint32_t subdevice,
-                           struct fsn_bus_subdevice *seen);
+/** state() of fsn_bus_ops for a bus that begins with its nodes. */
+fsn_status fsn_nodes_state(void *bus, uint32_t subdevice, struct fsn_bus_subdevice *seen);
 
 /** Writes a note about a node, for fsn_nodes_state(); printf-like. */
 __attribute__((format(printf, 4, 5))) void fsn_node_note(struct fsn_nodes *nodes,

@@ -216,10 +216,6 @@ static fsn_status igh_open(void *context, const struct fsn_plan *plan,
     return FSN_OK;
 }
 
-static fsn_status igh_state(void *context, uint32_t subdevice, struct fsn_bus_subdevice *seen) {
-    return fsn_nodes_state(&((struct fsn_igh *)context)->all, subdevice, seen);
-}
-
 const struct fsn_backend *fsn_backend_igh(void) {
     static const struct fsn_bus_ops ops = {
         .name = "igh",
@@ -228,7 +224,7 @@ const struct fsn_backend *fsn_backend_igh(void) {
         .send = igh_send,
         .close = igh_release,
         .poll = igh_poll,
-        .state = igh_state,
+        .state = fsn_nodes_state,
         .acyclic = &igh_acyclic,
     };
     static const struct fsn_backend backend = {

@@ -59,15 +59,15 @@ struct igh_area {
 };
 
 struct fsn_igh {
-    unsigned index; /**< number of the master */
+    struct fsn_nodes all; /**< first */
+    unsigned index;       /**< number of the master */
     uint64_t cycle_ns, wait_ns;
     uint32_t dc_every;
 
     ec_master_t *master;
     bool active;
     struct fsn_image image;
-    uint8_t *bytes; /**< the image */
-    struct fsn_nodes all;
+    uint8_t *bytes;         /**< the image */
     struct igh_node *nodes; /**< the nodes of `all` */
     struct igh_area *areas; /**< in the order of the image */
     uint32_t area_count;

@@ -344,10 +344,6 @@ static void soem_send(void *context) {
     fsn_wire_send(&bus->frames.wire);
 }
 
-static fsn_status soem_state(void *context, uint32_t subdevice, struct fsn_bus_subdevice *seen) {
-    return fsn_nodes_state(&((struct fsn_soem *)context)->all, subdevice, seen);
-}
-
 const struct fsn_backend *fsn_backend_soem(void) {
     static const struct fsn_bus_ops ops = {
         .name = "soem",
@@ -356,7 +352,7 @@ const struct fsn_backend *fsn_backend_soem(void) {
         .send = soem_send,
         .close = soem_close,
         .poll = soem_poll,
-        .state = soem_state,
+        .state = fsn_nodes_state,
         .ring = soem_ring,
         .clocks = soem_clocks,
         .acyclic = &soem_acyclic,

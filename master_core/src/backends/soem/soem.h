@@ -43,6 +43,7 @@ struct place {
 };
 
 struct fsn_soem {
+    struct fsn_nodes all; /**< first */
     char interface[SOEM_NAME_BYTES], redundant[SOEM_NAME_BYTES];
     uint64_t cycle_ns, wait_ns;
     uint32_t dc_every;
@@ -75,7 +76,6 @@ struct fsn_soem {
     uint16_t tag;                /**< in the source address of all our frames */
 
     struct fsn_frames frames;
-    struct fsn_nodes all;
     struct node *nodes; /**< the nodes of `all` */
     struct place places[SOEM_MOST_SLAVES];
     uint64_t states_ns, links_ns, search_ns; /**< when these are due again */

@@ -60,21 +60,12 @@ static void put_place(struct fsn_bus_view *view, struct fsn_json *json,
     fsn_json_put_u64(json, "bytes", copy->size_bytes);
 }
 
-static void put_copies(struct fsn_bus_view *view, struct fsn_page *page, struct fsn_json *json) {
-    struct fsn_copy_info copy;
-    fsn_json_put_open(json, "copies", '[');
-    for (uint32_t i = 0; fsn_plan_copy(view->plan, i, &copy) == FSN_OK; i++) {
-        if (!fsn_page_takes(page, json)) {
-            continue;
-        }
-        fsn_json_open(json, '{');
-        if (copy.net != NULL && copy.net[0] != 0) {
-            fsn_json_put_text(json, "name", copy.net);
-        }
-        put_place(view, json, &copy);
-        fsn_json_close(json, '}');
+static void put_copy(struct fsn_bus_view *view, struct fsn_json *json, uint32_t number) {
+    const struct fsn_copy_info copy = fsn_known_copy(view->plan, number);
+    if (copy.net != NULL && copy.net[0] != 0) {
+        fsn_json_put_text(json, "name", copy.net);
     }
-    fsn_json_close(json, ']');
+    put_place(view, json, &copy);
 }
 
 static void put_way(struct fsn_bus_view *view, struct fsn_json *json, const char *key,
@@ -85,26 +76,16 @@ static void put_way(struct fsn_bus_view *view, struct fsn_json *json, const char
     fsn_json_close(json, '}');
 }
 
-static void put_connections(struct fsn_bus_view *view, struct fsn_page *page,
-                            struct fsn_json *json) {
-    struct fsn_connection_info info;
-    fsn_json_put_open(json, "connections", '[');
-    for (uint32_t i = 0; fsn_plan_connection(view->plan, i, &info) == FSN_OK; i++) {
-        if (!fsn_page_takes(page, json)) {
-            continue;
-        }
-        fsn_json_open(json, '{');
-        fsn_json_put_text(json, "name", info.name);
-        fsn_report_name(view, json, "main", info.main_subdevice);
-        fsn_report_name(view, json, "sub", info.sub_subdevice);
-        fsn_json_put_known(json, "connection_id", (info.known & 1) != 0, info.connection_id);
-        fsn_json_put_known(json, "address", (info.known & 2) != 0, info.address);
-        fsn_json_put_known(json, "watchdog_ms", (info.known & 4) != 0, info.watchdog_ms);
-        put_way(view, json, "to_sub", info.copy_to_sub);
-        put_way(view, json, "to_main", info.copy_to_main);
-        fsn_json_close(json, '}');
-    }
-    fsn_json_close(json, ']');
+static void put_connection(struct fsn_bus_view *view, struct fsn_json *json, uint32_t number) {
+    const struct fsn_connection_info info = fsn_known_connection(view->plan, number);
+    fsn_json_put_text(json, "name", info.name);
+    fsn_report_name(view, json, "main", info.main_subdevice);
+    fsn_report_name(view, json, "sub", info.sub_subdevice);
+    fsn_json_put_known(json, "connection_id", (info.known & 1) != 0, info.connection_id);
+    fsn_json_put_known(json, "address", (info.known & 2) != 0, info.address);
+    fsn_json_put_known(json, "watchdog_ms", (info.known & 4) != 0, info.watchdog_ms);
+    put_way(view, json, "to_sub", info.copy_to_sub);
+    put_way(view, json, "to_main", info.copy_to_main);
 }
 
 fsn_status fsn_report_layout(struct fsn_bus_view *view, struct fsn_page *page,
@@ -115,7 +96,8 @@ fsn_status fsn_report_layout(struct fsn_bus_view *view, struct fsn_page *page,
     fsn_json_put_u64(json, "image_bytes", fsn_core_image_bytes(view->core));
     put_sms(view, page, json);
     put_datagrams(view, page, json);
-    put_copies(view, page, json);
-    put_connections(view, page, json);
+    fsn_report_rows(view, page, json, "copies", fsn_plan_copy_count(view->plan), put_copy);
+    fsn_report_rows(view, page, json, "connections", fsn_plan_connection_count(view->plan),
+                    put_connection);
     return FSN_OK;
 }

@@ -17,6 +17,11 @@ struct fsn_page {
 /** Counts a row, and returns whether it belongs to this page. A page has at least one row. */
 bool fsn_page_takes(struct fsn_page *page, const struct fsn_json *json);
 
+/** Writes the rows of this page as an array of objects; `put` writes the keys of one row. */
+void fsn_report_rows(struct fsn_bus_view *view, struct fsn_page *page, struct fsn_json *json,
+                     const char *key, uint32_t count,
+                     void (*put)(struct fsn_bus_view *view, struct fsn_json *json, uint32_t row));
+
 /** Short state of program and bus. `clients`: number of connected clients. */
 void fsn_report_status(struct fsn_bus_view *view, uint32_t clients, struct fsn_json *json);
 fsn_status fsn_report_subdevices(struct fsn_bus_view *view, struct fsn_page *page,

@@ -69,7 +69,6 @@ static void put_direction(struct fsn_json *json, const char *key, const struct f
 static void put_connection(struct fsn_bus_view *view, struct fsn_json *json, uint32_t number) {
     const struct fsn_connection_info info = fsn_known_connection(view->plan, number);
     const struct fsn_connection_status *status = &view->connections[number];
-    fsn_json_open(json, '{');
     FSN_JSON_PUT(json, &info, name, net);
     fsn_report_name(view, json, "main", info.main_subdevice);
     fsn_report_name(view, json, "sub", info.sub_subdevice);
@@ -82,7 +81,6 @@ static void put_connection(struct fsn_bus_view *view, struct fsn_json *json, uin
     fsn_report_differs(json, status->differs);
     put_direction(json, "to_sub", &status->direction[FSN_TO_SUB]);
     put_direction(json, "to_main", &status->direction[FSN_TO_MAIN]);
-    fsn_json_close(json, '}');
 }
 
 static fsn_status take_snapshot(struct fsn_bus_view *view) {
@@ -100,6 +98,20 @@ bool fsn_page_takes(struct fsn_page *page, const struct fsn_json *json) {
     return row >= page->first && page->next == 0;
 }
 
+void fsn_report_rows(struct fsn_bus_view *view, struct fsn_page *page, struct fsn_json *json,
+                     const char *key, uint32_t count,
+                     void (*put)(struct fsn_bus_view *view, struct fsn_json *json, uint32_t row)) {
+    fsn_json_put_open(json, key, '[');
+    for (uint32_t row = 0; row < count; row++) {
+        if (fsn_page_takes(page, json)) {
+            fsn_json_open(json, '{');
+            put(view, json, row);
+            fsn_json_close(json, '}');
+        }
+    }
+    fsn_json_close(json, ']');
+}
+
 static void put_snapshot(struct fsn_bus_view *view, struct fsn_page *page, struct fsn_json *json,
                          bool taken) {
     const uint32_t connections = taken ? fsn_plan_connection_count(view->plan) : 0;
@@ -107,13 +119,7 @@ static void put_snapshot(struct fsn_bus_view *view, struct fsn_page *page, struc
     if (fsn_json_put_object(json, "statistics", taken)) {
         put_statistics(json, &view->statistics);
     }
-    fsn_json_put_open(json, "connections", '[');
-    for (uint32_t i = 0; i < connections; i++) {
-        if (fsn_page_takes(page, json)) {
-            put_connection(view, json, i);
-        }
-    }
-    fsn_json_close(json, ']');
+    fsn_report_rows(view, page, json, "connections", connections, put_connection);
     (void)fsn_report_subdevices(view, page, json);
 }
 

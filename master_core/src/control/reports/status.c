@@ -187,11 +187,10 @@ void fsn_report_status(struct fsn_bus_view *view, uint32_t clients, struct fsn_j
     fsn_json_put_u64(json, "clients", clients);
 }
 
-static void one_subdevice(struct fsn_bus_view *view, uint32_t number, struct fsn_json *json) {
+static void put_subdevice(struct fsn_bus_view *view, struct fsn_json *json, uint32_t number) {
     const struct fsn_subdevice_info info = fsn_known_subdevice(view->plan, number);
     struct fsn_bus_subdevice seen = {0};
     char al[24];
-    fsn_json_open(json, '{');
     fsn_json_put_u64(json, "number", number);
     FSN_JSON_PUT(json, &info, name, alias, position);
     if (fsn_plan_bus_count(view->plan) > 1) {
@@ -220,26 +219,19 @@ static void one_subdevice(struct fsn_bus_view *view, uint32_t number, struct fsn
         stale += fsn_core_stale_cycles(view->core, info.first_sm + sm);
     }
     fsn_json_put_u64(json, "stale_cycles", stale);
-    fsn_json_close(json, '}');
 }
 
 fsn_status fsn_report_subdevices(struct fsn_bus_view *view, struct fsn_page *page,
                                  struct fsn_json *json) {
-    fsn_json_put_open(json, "subdevices", '[');
-    for (uint32_t i = 0; i < fsn_plan_subdevice_count(view->plan); i++) {
-        if (fsn_page_takes(page, json)) {
-            one_subdevice(view, i, json);
-        }
-    }
-    fsn_json_close(json, ']');
+    fsn_report_rows(view, page, json, "subdevices", fsn_plan_subdevice_count(view->plan),
+                    put_subdevice);
     return FSN_OK;
 }
 
-static void one_symbol(struct fsn_bus_view *view, uint32_t number, struct fsn_json *json) {
+static void put_symbol(struct fsn_bus_view *view, struct fsn_json *json, uint32_t number) {
     const struct fsn_symbol_info info = fsn_known_symbol(view->plan, number);
     const struct fsn_entry_record object = fsn_symbol_object(view->plan, &info);
     const struct fsn_output_state state = fsn_outputs_state(view->outputs, number);
-    fsn_json_open(json, '{');
     fsn_json_put_text(json, "name", info.name);
     fsn_json_put_text(json, "subdevice", fsn_symbol_subdevice(view->plan, &info));
     fsn_json_put_text(json, "direction", info.output != 0 ? "output" : "input");
@@ -257,17 +249,10 @@ static void one_symbol(struct fsn_bus_view *view, uint32_t number, struct fsn_js
         fsn_value_write(&info, info.stop_value, json);
         fsn_json_put_known(json, "client", state.owner != FSN_NOBODY, state.owner);
     }
-    fsn_json_close(json, '}');
 }
 
 fsn_status fsn_report_symbols(struct fsn_bus_view *view, struct fsn_page *page,
                               struct fsn_json *json) {
-    fsn_json_put_open(json, "symbols", '[');
-    for (uint32_t i = 0; i < fsn_plan_symbol_count(view->plan); i++) {
-        if (fsn_page_takes(page, json)) {
-            one_symbol(view, i, json);
-        }
-    }
-    fsn_json_close(json, ']');
+    fsn_report_rows(view, page, json, "symbols", fsn_plan_symbol_count(view->plan), put_symbol);
     return FSN_OK;
 }

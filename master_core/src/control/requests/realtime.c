@@ -30,8 +30,8 @@ static fsn_status check(struct fsn_request *request, uint32_t symbol) {
     const struct fsn_bus_view *view = &request->services->view;
     const struct fsn_symbol_info info = fsn_known_symbol(view->plan, symbol);
     if (info.restart_relevant != 0) {
-        return fsn_refusal_set(
-            &request->refusal, FSN_E_CLOSED, "arm and set it over a connection of its own",
+        return fsn_request_refuse(
+            request, FSN_E_CLOSED, "arm and set it over a connection of its own",
             "%.120s can restart a machine; no client writes it in every cycle", info.name);
     }
     return fsn_outputs_check(view->outputs, symbol, request->client->number, info.stop_value, 0,
@@ -82,16 +82,16 @@ static fsn_status check_build(struct fsn_request *request) {
     uint64_t layout;
     if (fsn_value_parse_number(request->argument[0], 32, &layout) != NULL ||
         layout != FSN_SHARED_LAYOUT) {
-        return fsn_refusal_set(&request->refusal, FSN_E_ARG,
-                               "build it with the headers of this fsn-master",
-                               "the client has layout %.20s of the shared memory, fsn-master %d",
-                               request->argument[0], FSN_SHARED_LAYOUT);
+        return fsn_request_refuse(request, FSN_E_ARG,
+                                  "build it with the headers of this fsn-master",
+                                  "the client has layout %.20s of the shared memory, fsn-master %d",
+                                  request->argument[0], FSN_SHARED_LAYOUT);
     }
     if (strcmp(plan, "any") != 0 && strcmp(plan, request->services->view.sha256) != 0) {
-        return fsn_refusal_set(&request->refusal, FSN_E_ARG,
-                               "build it for this plan; status shows its plan_sha256",
-                               "the client was made for plan %.64s, loaded is %.64s", plan,
-                               request->services->view.sha256);
+        return fsn_request_refuse(request, FSN_E_ARG,
+                                  "build it for this plan; status shows its plan_sha256",
+                                  "the client was made for plan %.64s, loaded is %.64s", plan,
+                                  request->services->view.sha256);
     }
     return FSN_OK;
 }
@@ -125,15 +125,15 @@ static fsn_status read_wanted(struct fsn_request *request, struct wanted *wanted
 
 static fsn_status refuse_open(struct fsn_request *request, fsn_status status) {
     if (status == FSN_E_BUSY) {
-        return fsn_refusal_set(&request->refusal, status, "close one of them",
-                               "%d clients are in the cycle already", FSN_SHARED_CLIENTS);
+        return fsn_request_refuse(request, status, "close one of them",
+                                  "%d clients are in the cycle already", FSN_SHARED_CLIENTS);
     }
     if (status == FSN_E_NOMEM) {
         return fsn_request_refuse(request, status, NULL, "out of memory");
     }
-    return fsn_refusal_set(&request->refusal, status,
-                           "Linux 5.1 or newer, and memory that may be locked, are needed",
-                           "no memory to share: %s", strerror(errno));
+    return fsn_request_refuse(request, status,
+                              "Linux 5.1 or newer, and memory that may be locked, are needed",
+                              "no memory to share: %s", strerror(errno));
 }
 
 /** The client has mapped its outputs. */

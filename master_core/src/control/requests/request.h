@@ -21,9 +21,8 @@ struct fsn_request {
 /** Answers a request: writes into its `json`, or returns the result of fsn_request_refuse(). */
 typedef fsn_status (*fsn_answer_fn)(struct fsn_request *request);
 
-/** Refuses a request; returns `status`. */
-fsn_status fsn_request_refuse(struct fsn_request *request, fsn_status status, const char *hint,
-                              const char *text);
+/** Refuses a request: status, hint, and a text as for printf; returns the status. */
+#define fsn_request_refuse(request, ...) fsn_refusal_set(&(request)->refusal, __VA_ARGS__)
 
 /** The symbols of a name. Inputs and outputs have separate names and are never confused. */
 struct fsn_named {

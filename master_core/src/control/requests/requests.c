@@ -26,11 +26,6 @@ struct entry {
     const char *usage;
 };
 
-fsn_status fsn_request_refuse(struct fsn_request *request, fsn_status status, const char *hint,
-                              const char *text) {
-    return fsn_refusal_set(&request->refusal, status, hint, "%.300s", text);
-}
-
 static fsn_status hello(struct fsn_request *request) {
     struct fsn_json *json = request->json;
     fsn_json_put_text(json, "program", "fsn-master");
@@ -318,16 +313,16 @@ static fsn_status role_is_too_low(struct fsn_request *request, enum fsn_role lea
     static const char *const hint[FSN_ROLES] = {
         [FSN_OPERATOR] = "fsn-master --allow-user NAME:operator permits it",
         [FSN_MAINTAINER] = "fsn-master --allow-user NAME:maintainer permits it"};
-    return fsn_refusal_set(&request->refusal, FSN_E_CLOSED, hint[least],
-                           "only for the role %s; this client is %s", fsn_role_name(least),
-                           fsn_role_name(request->client->role));
+    return fsn_request_refuse(request, FSN_E_CLOSED, hint[least],
+                              "only for the role %s; this client is %s", fsn_role_name(least),
+                              fsn_role_name(request->client->role));
 }
 
 static fsn_status answer(struct fsn_request *request) {
     const struct entry *entry = find_request(request->name);
     if (entry == NULL) {
-        return fsn_refusal_set(&request->refusal, FSN_E_ARG, "help lists the requests",
-                               "unknown request %.100s", request->name);
+        return fsn_request_refuse(request, FSN_E_ARG, "help lists the requests",
+                                  "unknown request %.100s", request->name);
     }
     /* The role is checked before the form: a forbidden request must not reveal its usage. */
     const bool may = request->client->role >= entry->role;
@@ -369,7 +364,7 @@ void fsn_request_answer(struct fsn_services *services, struct fsn_client *client
     const char *tag = tagged ? words.word[0] + 1 : NULL;
     fsn_status found;
     if (wrong != NULL) {
-        found = fsn_request_refuse(&request, FSN_E_ARG, "help lists the requests", wrong);
+        found = fsn_request_refuse(&request, FSN_E_ARG, "help lists the requests", "%s", wrong);
     } else if (words.count == (size_t)tagged) {
         found = fsn_request_refuse(&request, FSN_E_ARG, "help lists the requests",
                                    "a tag without a request");

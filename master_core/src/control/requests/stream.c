@@ -148,8 +148,8 @@ fsn_status fsn_request_mark(struct fsn_request *request, const char *word, uint8
         }
     }
     return any ? FSN_OK
-               : fsn_refusal_set(&request->refusal, FSN_E_ARG, "symbols lists the names",
-                                 "no input or output begins with %.*s", (int)(len - 1), word);
+               : fsn_request_refuse(request, FSN_E_ARG, "symbols lists the names",
+                                    "no input or output begins with %.*s", (int)(len - 1), word);
 }
 
 /** Accepts the marked symbols, and checks that a line of them is not too long. */

@@ -10,18 +10,13 @@
 #include "control/survey/survey.h"
 #include "plan/try.h"
 
-static fsn_status refuse(struct fsn_request *request, const char *hint, const char *text,
-                         const char *word) {
-    return fsn_refusal_set(&request->refusal, FSN_E_ARG, hint, "%.100s%s", word, text);
-}
-
 static fsn_status read_number(struct fsn_request *request, size_t at, uint16_t bits,
                               uint64_t *number) {
     const char *wrong = fsn_value_parse_number(request->argument[at], bits, number);
-    return wrong == NULL ? FSN_OK
-                         : fsn_refusal_set(&request->refusal, FSN_E_ARG,
-                                           "decimal, or with 0x, 0o or 0b before it", "%.60s is %s",
-                                           request->argument[at], wrong);
+    return wrong == NULL
+               ? FSN_OK
+               : fsn_request_refuse(request, FSN_E_ARG, "decimal, or with 0x, 0o or 0b before it",
+                                    "%.60s is %s", request->argument[at], wrong);
 }
 
 static fsn_status read_subdevice(struct fsn_request *request, struct fsn_job *job) {
@@ -33,8 +28,8 @@ static fsn_status read_subdevice(struct fsn_request *request, struct fsn_job *jo
             return FSN_OK;
         }
     }
-    return refuse(request, "subdevices lists the names", ": the plan has no such SubDevice",
-                  request->argument[0]);
+    return fsn_request_refuse(request, FSN_E_ARG, "subdevices lists the names",
+                              "%.100s: the plan has no such SubDevice", request->argument[0]);
 }
 
 static fsn_status read_object(struct fsn_request *request, struct fsn_job *job) {
@@ -51,9 +46,10 @@ static fsn_status read_type(struct fsn_request *request, struct fsn_job *job, si
     if (fsn_data_type_read(request->argument[at], &job->type)) {
         return FSN_OK;
     }
-    return refuse(request,
-                  "bool int8 int16 int32 int64 uint8 uint16 uint32 uint64 real32 real64 string hex",
-                  " is not a type", request->argument[at]);
+    return fsn_request_refuse(
+        request, FSN_E_ARG,
+        "bool int8 int16 int32 int64 uint8 uint16 uint32 uint64 real32 real64 string hex",
+        "%.100s is not a type", request->argument[at]);
 }
 
 static fsn_status read_upload(struct fsn_request *request, struct fsn_job *job) {
@@ -67,20 +63,19 @@ static fsn_status read_write(struct fsn_request *request, struct fsn_job *job) {
     const char *why = fsn_guard_write(request->services->view.plan, job->subdevice, job->index,
                                       request->services->view.core != NULL);
     if (why != NULL) {
-        return fsn_refusal_set(&request->refusal, FSN_E_CLOSED,
-                               "this program writes no safety objects and no mapping",
-                               "0x%04x of %.80s: %s", job->index, request->argument[0], why);
+        return fsn_request_refuse(request, FSN_E_CLOSED,
+                                  "this program writes no safety objects and no mapping",
+                                  "0x%04x of %.80s: %s", job->index, request->argument[0], why);
     }
     job->data = malloc(strlen(request->argument[4]) + 8);
     if (job->data == NULL) {
-        return fsn_refusal_set(&request->refusal, FSN_E_NOMEM, NULL, "out of memory");
+        return fsn_request_refuse(request, FSN_E_NOMEM, NULL, "out of memory");
     }
     const char *wrong =
         fsn_data_parse(&job->type, request->argument[4], job->data, &job->data_bytes);
-    return wrong == NULL
-               ? FSN_OK
-               : fsn_refusal_set(&request->refusal, FSN_E_ARG, NULL, "%.60s as %.10s is %s",
-                                 request->argument[4], request->argument[3], wrong);
+    return wrong == NULL ? FSN_OK
+                         : fsn_request_refuse(request, FSN_E_ARG, NULL, "%.60s as %.10s is %s",
+                                              request->argument[4], request->argument[3], wrong);
 }
 
 static fsn_status read_alias(struct fsn_request *request, struct fsn_job *job) {

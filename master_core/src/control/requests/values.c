@@ -14,8 +14,8 @@ fsn_status fsn_request_find(struct fsn_request *request, const char *name,
     found->output = fsn_outputs_find(outputs, name, true);
     return found->input != FSN_NONE || found->output != FSN_NONE
                ? FSN_OK
-               : fsn_refusal_set(&request->refusal, FSN_E_ARG, "symbols lists the names",
-                                 "no input or output is called %.150s", name);
+               : fsn_request_refuse(request, FSN_E_ARG, "symbols lists the names",
+                                    "no input or output is called %.150s", name);
 }
 
 /** Finds the output of a name, or else its input, which fsn_outputs_check() refuses. */
@@ -39,8 +39,8 @@ static fsn_status put_value(struct fsn_request *request, uint32_t symbol, bool t
     const struct fsn_symbol_info info = fsn_known_symbol(view->plan, symbol);
     uint64_t raw;
     if (fsn_core_read_symbol(view->core, view->image, symbol, &raw) != FSN_OK) {
-        return fsn_refusal_set(&request->refusal, FSN_E_ARG, NULL,
-                               "%.150s has no place in the process image", info.name);
+        return fsn_request_refuse(request, FSN_E_ARG, NULL,
+                                  "%.150s has no place in the process image", info.name);
     }
     fsn_json_key(request->json, info.name);
     (typed ? fsn_value_write_typed : fsn_value_write)(&info, raw, request->json);
@@ -83,8 +83,8 @@ static fsn_status read_wanted(struct fsn_request *request, const char *word, boo
     struct fsn_symbol_info info;
     const char *equals = strrchr(word, '=');
     if (equals == NULL || equals == word) {
-        return fsn_refusal_set(&request->refusal, FSN_E_ARG, "set NAME=VALUE …",
-                               "%.150s is not NAME=VALUE", word);
+        return fsn_request_refuse(request, FSN_E_ARG, "set NAME=VALUE …",
+                                  "%.150s is not NAME=VALUE", word);
     }
     memcpy(name, word, (size_t)(equals - word));
     name[equals - word] = 0;
@@ -93,14 +93,14 @@ static fsn_status read_wanted(struct fsn_request *request, const char *word, boo
     const char *wrong =
         (typed ? fsn_value_parse_typed : fsn_value_parse)(&info, equals + 1, &wanted->raw);
     if (wrong != NULL && (info.kind == FSN_KIND_BOOL || info.bits == 1)) {
-        return fsn_refusal_set(&request->refusal, FSN_E_ARG, "write true, false, on, off, 1 or 0",
-                               "%.120s is a bool: %.60s is not a valid value", info.name,
-                               equals + 1);
+        return fsn_request_refuse(request, FSN_E_ARG, "write true, false, on, off, 1 or 0",
+                                  "%.120s is a bool: %.60s is not a valid value", info.name,
+                                  equals + 1);
     }
     if (wrong != NULL) {
-        return fsn_refusal_set(&request->refusal, FSN_E_ARG, "symbols shows type and bits of each",
-                               "%.120s is %u bits %s: %.60s is %s", info.name, (unsigned)info.bits,
-                               fsn_value_type(&info), equals + 1, wrong);
+        return fsn_request_refuse(request, FSN_E_ARG, "symbols shows type and bits of each",
+                                  "%.120s is %u bits %s: %.60s is %s", info.name,
+                                  (unsigned)info.bits, fsn_value_type(&info), equals + 1, wrong);
     }
     return fsn_outputs_check(request->services->view.outputs, wanted->symbol,
                              request->client->number, wanted->raw, now_ns, &request->refusal);
