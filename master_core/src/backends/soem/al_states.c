@@ -331,13 +331,12 @@ static bool bring_to(struct fsn_soem *bus, struct node *node, uint8_t goal, uint
     return false;
 }
 
-static bool is_anybody_lost(const struct fsn_soem *bus) {
+uint16_t soem_answering(const struct fsn_soem *bus) {
+    uint16_t count = 0;
     for (int s = 1; s <= bus->slave_count; s++) {
-        if (bus->places[s].al_status == 0) {
-            return true;
-        }
+        count = (uint16_t)(count + (bus->places[s].al_status != 0));
     }
-    return false;
+    return count;
 }
 
 bool soem_poll(void *context, uint8_t al_state, uint64_t now_ns) {
@@ -361,7 +360,7 @@ bool soem_poll(void *context, uint8_t al_state, uint64_t now_ns) {
         }
     }
     /* The search reads registers of the whole ring, so it runs only at intervals. */
-    if (is_anybody_lost(bus) && now_ns >= bus->search_ns) {
+    if (soem_answering(bus) < bus->slave_count && now_ns >= bus->search_ns) {
         (bus->group_count > 0 ? soem_search_groups : soem_search)(bus);
         bus->search_ns = now_ns + SEARCH_NS;
     }

@@ -28,12 +28,7 @@ enum {
 static const uint64_t try_ns = 2000000000u;
 
 static uint16_t reference(const struct fsn_soem *bus) {
-    const uint16_t station = atomic_load(&bus->frames.wire.dc_station);
-    uint16_t slave = 1;
-    while (slave <= bus->slave_count && bus->slaves[slave].configadr != station) {
-        slave++;
-    }
-    return slave <= bus->slave_count ? slave : 0;
+    return soem_slave_at(bus, (uint16_t)atomic_load(&bus->frames.wire.dc_station));
 }
 
 /* -- differences ---------------------------------------------------------------------------- */

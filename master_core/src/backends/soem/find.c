@@ -197,15 +197,6 @@ bool soem_set_station(struct fsn_soem *bus, uint16_t at, uint16_t station) {
                      EC_TIMEOUTRET3) == 1;
 }
 
-static bool is_known(const struct fsn_soem *bus, uint16_t station) {
-    for (int s = 1; s <= bus->slave_count; s++) {
-        if (bus->slaves[s].configadr == station) {
-            return true;
-        }
-    }
-    return false;
-}
-
 /** Whether the device at a position without a station address is the same as before; any other
  *  device is noted and left unchanged. */
 static bool is_same_device(struct fsn_soem *bus, uint16_t slave, uint16_t at) {
@@ -255,6 +246,6 @@ void soem_search(struct fsn_soem *bus) {
         if (station == bus->slaves[slave].configadr) {
             continue;
         }
-        before_is_right = !is_known(bus, station) && soem_take_back(bus, slave, slave);
+        before_is_right = soem_slave_at(bus, station) == 0 && soem_take_back(bus, slave, slave);
     }
 }

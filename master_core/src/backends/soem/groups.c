@@ -209,16 +209,6 @@ static void come(struct fsn_soem *bus, uint32_t number, uint16_t at) {
 
 /* -- searching -------------------------------------------------------------------------------- */
 
-/** SOEM's number of the SubDevice at a station address; 0: unknown. */
-static uint16_t slave_at(const struct fsn_soem *bus, uint16_t station) {
-    for (int s = 1; s <= bus->slave_count; s++) {
-        if (bus->slaves[s].configadr == station && bus->places[s].al_status != 0) {
-            return (uint16_t)s;
-        }
-    }
-    return 0;
-}
-
 /** Planned neighbour after one of our SubDevices; 0: unknown. */
 static uint16_t behind(const struct fsn_soem *bus, uint16_t slave) {
     const bool exists = slave < bus->slave_count;
@@ -264,8 +254,8 @@ static void walk(struct fsn_soem *bus, uint16_t count) {
         if (!soem_station_at(bus, at, &station, &alias)) {
             return;
         }
-        const uint16_t slave = slave_at(bus, station);
-        if (slave != 0) {
+        const uint16_t slave = soem_slave_at(bus, station);
+        if (slave != 0 && bus->places[slave].al_status != 0) {
             const int node = bus->places[slave].node;
             const bool is_group = node != SOEM_NO_NODE && bus->nodes[node].group != FSN_NONE;
             next = is_group ? next : behind(bus, slave);
@@ -298,18 +288,14 @@ static void note_absent(struct fsn_soem *bus, uint32_t number) {
 
 void soem_search_groups(struct fsn_soem *bus) {
     uint16_t type;
-    uint16_t known = 0;
     soem_drain(bus);
     const int count =
         ecx_BRD(bus->context.port, 0, ECT_REG_TYPE, sizeof type, &type, EC_TIMEOUTRET);
-    for (int s = 1; s <= bus->slave_count; s++) {
-        known = (uint16_t)(known + (bus->places[s].al_status != 0));
-    }
     for (uint32_t g = 0; g < bus->group_count; g++) {
         bus->groups_of_plan[g].found = FSN_FOUND_ABSENT;
         bus->groups_of_plan[g].detail[0] = 0;
     }
-    if (count > 0 && count != known) {
+    if (count > 0 && count != soem_answering(bus)) {
         walk(bus, (uint16_t)count);
     }
     for (uint32_t g = 0; g < bus->group_count; g++) {

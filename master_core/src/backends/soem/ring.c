@@ -68,14 +68,6 @@ static void find_gaps(struct fsn_soem *bus, const struct fsn_ring_end ends[2],
     fsn_ring_place(&bus->ring, members, (uint32_t)bus->slave_count, ends, place);
 }
 
-static bool nobody_answers(const struct fsn_soem *bus) {
-    int s = 1;
-    while (s <= bus->slave_count && bus->places[s].al_status == 0) {
-        s++;
-    }
-    return s > bus->slave_count;
-}
-
 void soem_watch_ring(struct fsn_soem *bus, uint64_t now_ns) {
     if (bus->redundant[0] == '\0' || now_ns < bus->ring_ns) {
         return;
@@ -91,7 +83,7 @@ void soem_watch_ring(struct fsn_soem *bus, uint64_t now_ns) {
     if (watch.ring.state > FSN_RING_CLOSED) {
         bus->links_kept = false;
         /* Links that can no longer be read keep their last state, until all are lost. */
-        if (!fsn_ring_silent(&watch) || watch.ring.place[0] == '\0' || nobody_answers(bus)) {
+        if (!fsn_ring_silent(&watch) || watch.ring.place[0] == '\0' || soem_answering(bus) == 0) {
             find_gaps(bus, ends, watch.ring.place);
         }
     } else {

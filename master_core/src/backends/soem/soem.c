@@ -64,6 +64,14 @@ bool soem_write(struct fsn_soem *bus, uint16_t slave, uint16_t address, const vo
                     (void *)(uintptr_t)data, EC_TIMEOUTRET3) == 1;
 }
 
+uint16_t soem_slave_at(const struct fsn_soem *bus, uint16_t station) {
+    uint16_t slave = 1;
+    while (slave <= bus->slave_count && bus->slaves[slave].configadr != station) {
+        slave++;
+    }
+    return slave <= bus->slave_count ? slave : 0;
+}
+
 struct node *soem_node_at(struct fsn_soem *bus, uint16_t slave) {
     const int node = bus->places[slave].node;
     return node == SOEM_NO_NODE ? NULL : &bus->nodes[node];

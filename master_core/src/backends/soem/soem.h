@@ -193,6 +193,8 @@ uint16_t soem_sii_start(struct fsn_soem *bus, uint16_t slave, uint8_t number);
 
 /* Supervision (al_states.c). */
 bool soem_poll(void *context, uint8_t al_state, uint64_t now_ns);
+/** Number of SubDevices that answer. */
+uint16_t soem_answering(const struct fsn_soem *bus);
 
 /** Reads a register of consecutive SubDevices, of many with one frame.
  *  @param[out] values  one after the other; zeros without an answer. */
@@ -239,6 +241,8 @@ bool soem_has_coe(const struct fsn_soem *bus, uint16_t slave);
 /** Writes registers of a SubDevice; false if it did not accept them. */
 bool soem_write(struct fsn_soem *bus, uint16_t slave, uint16_t address, const void *data,
                 uint16_t size_bytes);
+/** SOEM's number of the SubDevice with a station address; 0: none. */
+uint16_t soem_slave_at(const struct fsn_soem *bus, uint16_t station);
 /** The SubDevice of the plan at a place of the ring; NULL: the plan has none there. */
 struct node *soem_node_at(struct fsn_soem *bus, uint16_t slave);
 /** Its name in the plan, otherwise that of its SII. */

@@ -4,12 +4,11 @@
 
 #include <stdio.h>
 #include <string.h>
-#include <time.h>
+
+#include "rt/clock.h"
 
 uint64_t fsn_now_ns(void) {
-    struct timespec now;
-    clock_gettime(CLOCK_MONOTONIC, &now);
-    return (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
+    return fsn_clock_ns(CLOCK_MONOTONIC);
 }
 
 struct timespec fsn_timespec(uint64_t ns) {
@@ -18,11 +17,8 @@ struct timespec fsn_timespec(uint64_t ns) {
 }
 
 void fsn_utc_text(uint64_t at_ns, char room[32]) {
-    struct timespec wall;
     struct tm parts;
-    clock_gettime(CLOCK_REALTIME, &wall);
-    const int64_t ago = (int64_t)(fsn_now_ns() - at_ns);
-    const int64_t utc_ns = (int64_t)wall.tv_sec * 1000000000 + wall.tv_nsec - ago;
+    const int64_t utc_ns = (int64_t)(fsn_clock_ns(CLOCK_REALTIME) - (fsn_now_ns() - at_ns));
     const time_t seconds = (time_t)(utc_ns / 1000000000);
     memset(&parts, 0, sizeof parts);
     gmtime_r(&seconds, &parts);
