@@ -518,10 +518,8 @@ static int keep_incidents(struct master *m) {
     if (folder == NULL) {
         return -1;
     }
-    if (fsn_control_keep_incidents(m->control, folder, &refusal) == FSN_OK) {
-        if (m->options->incidents_mib > 0) {
-            fsn_control_limit_incidents(m->control, (uint64_t)m->options->incidents_mib << 20);
-        }
+    if (fsn_control_keep_incidents(m->control, folder, (uint64_t)m->options->incidents_mib << 20,
+                                   &refusal) == FSN_OK) {
         return -1;
     }
     log_line(FSN_LOG_ERROR, "%s; %s", refusal.text, refusal.hint != NULL ? refusal.hint : "");

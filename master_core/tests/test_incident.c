@@ -116,7 +116,7 @@ static struct rig set_up_with(uint32_t connections) {
     logged[0] = 0;
     rig.control = fsn_control_create(rig.on.plan, &host, &nobody);
     CHECK(rig.control != NULL);
-    CHECK(fsn_control_keep_incidents(rig.control, rig.folder, &refusal) == FSN_OK);
+    CHECK(fsn_control_keep_incidents(rig.control, rig.folder, 1 << 30, &refusal) == FSN_OK);
     fsn_control_attach(rig.control, rig.on.core);
     return rig;
 }
@@ -491,7 +491,7 @@ static void a_folder_has_a_limit(void) {
     CHECK(symlink("large.other", path) == 0);
     snprintf(path, sizeof path, "%s/link.fsnincident", rig.folder);
     CHECK(symlink("large.other", path) == 0);
-    fsn_control_limit_incidents(rig.control, 2 << 20);
+    rig.control->services.incidents->most_bytes = 2 << 20;
     CHECK(strstr(one_incident(&rig, second), "w incident: a test; fsoe-net") != NULL);
     snprintf(path, sizeof path, "%s/of-before.fsnincident", rig.folder);
     fd = open(path, O_CREAT | O_WRONLY | O_CLOEXEC, 0600);
@@ -648,17 +648,17 @@ static void folders_are_checked(void) {
     const int fd = open(path, O_CREAT | O_WRONLY | O_CLOEXEC, 0600);
     CHECK(fd >= 0 && close(fd) == 0);
     errno = ENOSPC; /* of something else */
-    CHECK(fsn_incidents_create(path, &with->view, &with->events, &with->jobs, &none, &refusal) ==
+    CHECK(fsn_incidents_create(path, 0, &with->view, &with->events, &with->jobs, &none, &refusal) ==
               FSN_E_SYS &&
           none == NULL);
     snprintf(text, sizeof text, "incidents: %s is not a writable folder: Not a directory", path);
     CHECK(strcmp(refusal.text, text) == 0);
-    CHECK(fsn_incidents_create("/nonexistent", &with->view, &with->events, &with->jobs, &none,
+    CHECK(fsn_incidents_create("/nonexistent", 0, &with->view, &with->events, &with->jobs, &none,
                                &refusal) == FSN_E_SYS);
     CHECK(strcmp(refusal.text, "incidents: /nonexistent is not a writable folder: No such file or "
                                "directory") == 0);
     fails.access = EACCES;
-    CHECK(fsn_incidents_create(rig.folder, &with->view, &with->events, &with->jobs, &none,
+    CHECK(fsn_incidents_create(rig.folder, 0, &with->view, &with->events, &with->jobs, &none,
                                &refusal) == FSN_E_SYS);
     fails.access = 0;
     snprintf(text, sizeof text, "incidents: %s is not a writable folder: Permission denied",
@@ -686,8 +686,6 @@ static void a_stop_is_no_incident(void) {
     CHECK(atomic_load(&submitted->cancelled) && rig.control->services.incidents->job == NULL);
     submitted->status = FSN_E_ABSENT;
     fsn_control_job_done(rig.control, submitted);
-    fsn_control_limit_incidents(rig.control, 0);
-    CHECK(rig.control->services.incidents->most_bytes == 0);
     CHECK(tear_down(&rig) == 1);
 }
 
@@ -697,7 +695,6 @@ static void without_a_folder_nothing_is_kept(void) {
     const struct fsn_trigger trigger = {.kind = "request", .now_ns = 1, .text = "a test"};
     struct fsn_control *control = fsn_control_create(rig.on.plan, &host, &nobody);
     CHECK(control != NULL);
-    fsn_control_limit_incidents(control, 5);
     fsn_incident_turn(control->services.incidents, 1);
     fsn_incident_detach(control->services.incidents);
     fsn_incident_event(control->services.incidents, "{}", 2);

@@ -42,7 +42,7 @@ static void keep_incidents(void) {
     char folder[] = "/tmp/fsn-replies-XXXXXX";
     struct fsn_refusal refusal;
     CHECK(mkdtemp(folder) != NULL);
-    while (fsn_control_keep_incidents(on.control, folder, &refusal) != FSN_OK) {
+    while (fsn_control_keep_incidents(on.control, folder, 1 << 30, &refusal) != FSN_OK) {
         CHECK(refusal.status == FSN_E_NOMEM);
     }
     CHECK(rmdir(folder) == 0);

@@ -360,6 +360,7 @@ int options_read(int argc, char **argv, struct options *o) {
     }
     o->bus = "soem"; /* needs no kernel module */
     o->record_ns = 10000000000u;
+    o->incidents_mib = INCIDENTS_MIB;
     o->interventions_mib = INTERVENTIONS_MIB;
     while ((id = getopt_long(argc, argv, "", table, NULL)) != -1) {
         const struct row *row = id != '?' ? &rows[id - FIRST] : NULL;

@@ -12,6 +12,7 @@ enum { EXIT_FINE = 0, EXIT_REFUSED = 1, EXIT_USAGE = 2, EXIT_ENVIRONMENT = 3, EX
 enum {
     MOST_BUSES = 16,
     DEFAULT_PRIORITY = 80,  /**< of fifo */
+    INCIDENTS_MIB = 1024,   /**< default limit of the incident files */
     INTERVENTIONS_MIB = 16, /**< default size of a file of the intervention log */
 };
 
@@ -37,7 +38,7 @@ struct options {
     bool dc_host;          /**< this machine sets the clocks of the bus */
     uint64_t dc_shift_ns;  /**< required lead of frames before SYNC0; 0: half a cycle */
     uint64_t dc_window_ns; /**< permitted difference of clocks; 0: 1000 ns */
-    int incidents_mib;     /**< maximum MiB of incident files; 0: the default */
+    int incidents_mib;     /**< maximum MiB of incident files */
     int interventions_mib; /**< of a file of the intervention log */
     bool free_run, trace, log_json;
     bool xdp;              /**< the cycle uses AF_XDP */

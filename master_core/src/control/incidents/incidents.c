@@ -40,7 +40,7 @@ static int why_not(const char *folder) {
     return access(folder, W_OK | X_OK) != 0 ? errno : 0;
 }
 
-fsn_status fsn_incidents_create(const char *folder, struct fsn_bus_view *view,
+fsn_status fsn_incidents_create(const char *folder, uint64_t most_bytes, struct fsn_bus_view *view,
                                 struct fsn_events *events, struct fsn_job_queue *jobs,
                                 struct fsn_incidents **incidents, struct fsn_refusal *refusal) {
     const int error = why_not(folder);
@@ -53,9 +53,9 @@ fsn_status fsn_incidents_create(const char *folder, struct fsn_bus_view *view,
     if (in == NULL) {
         return fsn_refusal_set(refusal, FSN_E_NOMEM, NULL, "out of memory");
     }
-    *in = (struct fsn_incidents){.view = view, .events = events, .jobs = jobs};
+    *in = (struct fsn_incidents){
+        .view = view, .events = events, .jobs = jobs, .most_bytes = most_bytes};
     snprintf(in->folder, sizeof in->folder, "%s", folder);
-    in->most_bytes = FSN_INCIDENTS_BYTES;
     in->connections = fsn_plan_connection_count(view->plan);
     if (!FSN_NEW(in->reported, in->connections) ||
         !FSN_NEW(in->refused, fsn_plan_subdevice_count(view->plan))) {
@@ -295,12 +295,6 @@ static void find_missing(struct fsn_incidents *in, uint64_t now_ns) {
             in->reported[i] = 1;
             not_connected(in, i, now_ns);
         }
-    }
-}
-
-void fsn_incidents_limit(struct fsn_incidents *in, uint64_t most_bytes) {
-    if (in != NULL) {
-        in->most_bytes = most_bytes;
     }
 }
 

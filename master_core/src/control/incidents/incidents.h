@@ -11,19 +11,13 @@
 
 struct fsn_incidents;
 
-enum { FSN_INCIDENTS_BYTES = 1 << 30 /**< of incident files in a folder */ };
-
 /** Writes incidents from now on.
- *  @param[in] folder  existing folder of the files.
+ *  @param[in] folder, most_bytes  existing folder of the files, and its limit.
  *  @param[in] view, events, jobs  must outlive it.
  *  @retval FSN_E_SYS  not a writable folder.   @retval FSN_E_NOMEM  out of memory. */
-fsn_status fsn_incidents_create(const char *folder, struct fsn_bus_view *view,
+fsn_status fsn_incidents_create(const char *folder, uint64_t most_bytes, struct fsn_bus_view *view,
                                 struct fsn_events *events, struct fsn_job_queue *jobs,
                                 struct fsn_incidents **incidents, struct fsn_refusal *refusal);
-
-/** Limit in bytes for the incident files in the folder, of all runs; when it is reached, no further
- *  file is written. */
-void fsn_incidents_limit(struct fsn_incidents *incidents, uint64_t most_bytes);
 
 /** Waits until a file that is being written is complete. NULL is allowed. */
 void fsn_incidents_free(struct fsn_incidents *incidents);

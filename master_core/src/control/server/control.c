@@ -95,14 +95,10 @@ void fsn_control_attach(struct fsn_control *control, struct fsn_core *core) {
 }
 
 fsn_status fsn_control_keep_incidents(struct fsn_control *control, const char *folder,
-                                      struct fsn_refusal *refusal) {
+                                      uint64_t most_bytes, struct fsn_refusal *refusal) {
     struct fsn_services *services = &control->services;
-    return fsn_incidents_create(folder, &services->view, &services->events, &services->jobs,
-                                &services->incidents, refusal);
-}
-
-void fsn_control_limit_incidents(struct fsn_control *control, uint64_t most_bytes) {
-    fsn_incidents_limit(control->services.incidents, most_bytes);
+    return fsn_incidents_create(folder, most_bytes, &services->view, &services->events,
+                                &services->jobs, &services->incidents, refusal);
 }
 
 void fsn_control_bus_failed(struct fsn_control *control, const char *text,

@@ -65,14 +65,11 @@ bool fsn_control_is_at(int listener, const char *path);
 int fsn_control_listener(const struct fsn_control *control);
 
 /** Records each connection that leaves Data, in files in this folder.
+ *  @param[in] most_bytes  limit for the incident files in the folder, of all runs. When it is
+ *      reached, no further file is written; files are never deleted.
  *  @retval FSN_E_SYS  not a writable folder.   @retval FSN_E_NOMEM  out of memory. */
 fsn_status fsn_control_keep_incidents(struct fsn_control *control, const char *folder,
-                                      struct fsn_refusal *refusal);
-
-/** Limit in bytes for the incident files in the folder, of all runs. When it is reached, no further
- *  file is written; files are never deleted. FSN_INCIDENTS_BYTES until this is called, after
- *  fsn_control_keep_incidents(). */
-void fsn_control_limit_incidents(struct fsn_control *control, uint64_t most_bytes);
+                                      uint64_t most_bytes, struct fsn_refusal *refusal);
 
 /** The bus did not open, which is also an incident.
  *  @param[in] text   the reason in words.
