@@ -70,20 +70,13 @@ void fsn_json_put_hex(struct fsn_json *json, const char *key, const uint8_t *byt
         char *: fsn_json_put_text,                                                                 \
         const char *: fsn_json_put_text,                                                           \
         default: fsn_json_put_u64)(json, #field, (of)->field)
-#define FSN_JSON_2(json, of, field, ...)                                                           \
-    (FSN_JSON_1(json, of, field), FSN_JSON_1(json, of, __VA_ARGS__))
-#define FSN_JSON_3(json, of, field, ...)                                                           \
-    (FSN_JSON_1(json, of, field), FSN_JSON_2(json, of, __VA_ARGS__))
-#define FSN_JSON_4(json, of, field, ...)                                                           \
-    (FSN_JSON_1(json, of, field), FSN_JSON_3(json, of, __VA_ARGS__))
-#define FSN_JSON_5(json, of, field, ...)                                                           \
-    (FSN_JSON_1(json, of, field), FSN_JSON_4(json, of, __VA_ARGS__))
-#define FSN_JSON_6(json, of, field, ...)                                                           \
-    (FSN_JSON_1(json, of, field), FSN_JSON_5(json, of, __VA_ARGS__))
-#define FSN_JSON_7(json, of, field, ...)                                                           \
-    (FSN_JSON_1(json, of, field), FSN_JSON_6(json, of, __VA_ARGS__))
-#define FSN_JSON_8(json, of, field, ...)                                                           \
-    (FSN_JSON_1(json, of, field), FSN_JSON_7(json, of, __VA_ARGS__))
+#define FSN_JSON_2(j, of, f, ...) (FSN_JSON_1(j, of, f), FSN_JSON_1(j, of, __VA_ARGS__))
+#define FSN_JSON_3(j, of, f, ...) (FSN_JSON_1(j, of, f), FSN_JSON_2(j, of, __VA_ARGS__))
+#define FSN_JSON_4(j, of, f, ...) (FSN_JSON_1(j, of, f), FSN_JSON_3(j, of, __VA_ARGS__))
+#define FSN_JSON_5(j, of, f, ...) (FSN_JSON_1(j, of, f), FSN_JSON_4(j, of, __VA_ARGS__))
+#define FSN_JSON_6(j, of, f, ...) (FSN_JSON_1(j, of, f), FSN_JSON_5(j, of, __VA_ARGS__))
+#define FSN_JSON_7(j, of, f, ...) (FSN_JSON_1(j, of, f), FSN_JSON_6(j, of, __VA_ARGS__))
+#define FSN_JSON_8(j, of, f, ...) (FSN_JSON_1(j, of, f), FSN_JSON_7(j, of, __VA_ARGS__))
 
 /** An event: opens it with its name and the UTC of a monotonic time; ends it with level and text.
  */
