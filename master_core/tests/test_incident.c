@@ -137,7 +137,7 @@ static bool is_kept_still(struct rig *rig, uint64_t now_ns) {
 }
 
 static void begin_at(struct rig *rig, uint64_t now_ns) {
-    const struct fsn_trigger trigger = {.kind = "request", .now_ns = now_ns, .text = "a test"};
+    const struct fsn_trigger trigger = {.kind = FSN_REQUESTED, .now_ns = now_ns, .text = "a test"};
     CHECK(fsn_incident_begin(rig->control->services.incidents, &trigger));
     submitted->status = FSN_E_ABSENT; /* this bus has no objects */
     fsn_control_job_done(rig->control, submitted);
@@ -188,7 +188,7 @@ static void a_cycle_that_stands_still_is_not(void) {
 }
 
 static bool left_data_at(struct rig *rig, uint64_t now_ns) {
-    const struct fsn_trigger trigger = {.kind = "left_data", .now_ns = now_ns, .text = "a test"};
+    const struct fsn_trigger trigger = {.kind = FSN_LEFT_DATA, .now_ns = now_ns, .text = "a test"};
     const bool begun = fsn_incident_begin(rig->control->services.incidents, &trigger);
     if (begun) {
         submitted->status = FSN_E_ABSENT;
@@ -240,7 +240,7 @@ static void a_subdevice_that_refuses_is_one(void) {
     char text[300];
     CHECK(fsn_plan_subdevice(rig.on.plan, 1, &info) == FSN_OK);
     snprintf(text, sizeof text, "SubDevice %s: refused a state: SAFEOP refused", info.name);
-    CHECK(strcmp(in->pending.kind, "refused") == 0 && strcmp(in->pending.text, text) == 0);
+    CHECK(in->pending.kind == FSN_REFUSED && strcmp(in->pending.text, text) == 0);
     CHECK(strcmp(in->pending.subdevice, info.name) == 0);
     submitted->status = FSN_E_ABSENT;
     fsn_control_job_done(rig.control, submitted);
@@ -288,7 +288,7 @@ static void who_never_comes_is_reported_once(void) {
         fsn_incident_turn(in, turns[i].ms * MS);
         CHECK(in->pending.active == turns[i].begun);
     }
-    CHECK(strcmp(in->pending.kind, "not_connected") == 0);
+    CHECK(in->pending.kind == FSN_NOT_CONNECTED);
     CHECK(strcmp(in->pending.connection, "t") == 0 && strcmp(in->pending.after, "silent") == 0);
     CHECK(strcmp(in->pending.text, "connection t has not come to Data within 5 s after every "
                                    "SubDevice reached OP, it is in silent") == 0);
@@ -426,11 +426,11 @@ static void files_have_plain_names(void) {
         struct fsn_trigger trigger;
         const char *name;
     } rows[] = {
-        {{.kind = "request", .connection = "door", .subdevice = "logic"}, "door"},
-        {{.kind = "request", .subdevice = "two words"}, "two_words"},
-        {{.kind = "request", .connection = "/a/../b  \x01\xC3\xA4z"}, "_a_b_z"},
-        {{.kind = "request", .connection = "@`[{/:Az_Z09-a"}, "_Az_Z09-a"},
-        {{.kind = "request", .connection = long_name},
+        {{.kind = FSN_REQUESTED, .connection = "door", .subdevice = "logic"}, "door"},
+        {{.kind = FSN_REQUESTED, .subdevice = "two words"}, "two_words"},
+        {{.kind = FSN_REQUESTED, .connection = "/a/../b  \x01\xC3\xA4z"}, "_a_b_z"},
+        {{.kind = FSN_REQUESTED, .connection = "@`[{/:Az_Z09-a"}, "_Az_Z09-a"},
+        {{.kind = FSN_REQUESTED, .connection = long_name},
          "0123456789abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ-_012345"},
     };
     struct rig rig = set_up();
@@ -625,7 +625,7 @@ static void a_window_has_its_begin(void) {
 static void a_hundred_are_enough(void) {
     struct rig rig = set_up();
     const uint64_t second = UINT64_C(1000) * MS;
-    const struct fsn_trigger trigger = {.kind = "request", .now_ns = second, .text = "a test"};
+    const struct fsn_trigger trigger = {.kind = FSN_REQUESTED, .now_ns = second, .text = "a test"};
     cycle_at(&rig, second);
     rig.control->services.incidents->files = 99;
     CHECK(strstr(one_incident(&rig, second), "w incident: a test; fsoe-net") != NULL);
@@ -674,7 +674,7 @@ static void a_stop_is_no_incident(void) {
                                                     FSN_PROGRAM_RUNNING};
     struct rig rig = set_up();
     const uint64_t second = UINT64_C(1000) * MS;
-    const struct fsn_trigger left = {.kind = "left_data", .now_ns = second, .text = "a test"};
+    const struct fsn_trigger left = {.kind = FSN_LEFT_DATA, .now_ns = second, .text = "a test"};
     cycle_at(&rig, second);
     for (int i = 0; i < 3; i++) {
         state = states[i];
@@ -692,7 +692,7 @@ static void a_stop_is_no_incident(void) {
 /** After closing nothing is recorded, and nothing fails. */
 static void without_a_folder_nothing_is_kept(void) {
     struct rig rig = set_up();
-    const struct fsn_trigger trigger = {.kind = "request", .now_ns = 1, .text = "a test"};
+    const struct fsn_trigger trigger = {.kind = FSN_REQUESTED, .now_ns = 1, .text = "a test"};
     struct fsn_control *control = fsn_control_create(rig.on.plan, &host, &nobody);
     CHECK(control != NULL);
     fsn_incident_turn(control->services.incidents, 1);

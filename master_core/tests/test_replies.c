@@ -50,7 +50,7 @@ static void keep_incidents(void) {
 
 /** Keeps an incident with every field. */
 static void fail_in_every_way(void) {
-    const struct fsn_trigger trigger = {.kind = "left_data",
+    const struct fsn_trigger trigger = {.kind = FSN_LEFT_DATA,
                                         .connection = "door safe",
                                         .subdevice = "door",
                                         .before = "process data",

@@ -44,7 +44,7 @@ static void left_data(struct fsn_incidents *incidents, const struct fsn_event *e
     snprintf(text, sizeof text, "connection %.120s left Data: %s%s", name,
              fsn_observed_text(event->after), cause);
     const struct fsn_trigger trigger = {
-        .kind = "left_data",
+        .kind = FSN_LEFT_DATA,
         .connection = name,
         .before = fsn_observed_text(event->before),
         .after = fsn_observed_text(event->after),

@@ -48,10 +48,16 @@ static void put_fault(struct fsn_json *json, const struct fsn_plan *plan,
     fsn_json_close(json, '}');
 }
 
+const char *fsn_trigger_name(enum fsn_trigger_kind kind) {
+    static const char *const name[] = {"left_data", "not_connected", "refused", "bus_failed",
+                                       "request"};
+    return name[kind];
+}
+
 static void put_trigger(struct fsn_json *json, const struct fsn_plan *plan,
                         const struct fsn_pending *p) {
     fsn_json_put_open(json, "trigger", '{');
-    fsn_json_put_text(json, "kind", p->kind);
+    fsn_json_put_text(json, "kind", fsn_trigger_name(p->kind));
     put_or_null(json, "connection", p->connection);
     put_or_null(json, "subdevice", p->subdevice);
     put_or_null(json, "before", p->before);

@@ -101,7 +101,7 @@ static const char *subject_of(const struct fsn_pending *p) {
     if (p->connection[0] != 0) {
         return p->connection;
     }
-    return p->subdevice[0] != 0 ? p->subdevice : p->kind;
+    return p->subdevice[0] != 0 ? p->subdevice : fsn_trigger_name(p->kind);
 }
 
 /** Names the file after time and cause, without characters that a shell or a file system treats
@@ -195,7 +195,7 @@ static void copy_text(char *to, size_t room_bytes, const char *from) {
 }
 
 bool fsn_incident_begin(struct fsn_incidents *in, const struct fsn_trigger *t) {
-    const bool requested = strcmp(t->kind, "request") == 0;
+    const bool requested = t->kind == FSN_REQUESTED;
     if (in == NULL || in->pending.active ||
         (!requested && (is_stopping(in) || is_too_soon(in, t->now_ns)))) {
         return false;
@@ -212,10 +212,10 @@ bool fsn_incident_begin(struct fsn_incidents *in, const struct fsn_trigger *t) {
     }
     struct fsn_pending *p = &in->pending;
     *p = (struct fsn_pending){.active = true,
+                              .kind = t->kind,
                               .reset_code = t->reset_code,
                               .now_ns = t->now_ns,
                               .until_ns = t->now_ns + AFTER_MS * UINT64_C(1000000)};
-    copy_text(p->kind, sizeof p->kind, t->kind);
     copy_text(p->connection, sizeof p->connection, t->connection);
     copy_text(p->subdevice, sizeof p->subdevice, t->subdevice);
     copy_text(p->before, sizeof p->before, t->before);
@@ -249,7 +249,7 @@ void fsn_incident_subdevice(struct fsn_incidents *in, uint32_t number,
     snprintf(text, sizeof text, "SubDevice %.120s: %s%s%s", info.name, fsn_found_text(seen->found),
              seen->detail[0] != 0 ? ": " : "", seen->detail);
     const struct fsn_trigger trigger = {
-        .kind = "refused", .subdevice = info.name, .now_ns = now_ns, .text = text};
+        .kind = FSN_REFUSED, .subdevice = info.name, .now_ns = now_ns, .text = text};
     (void)fsn_incident_begin(in, &trigger);
 }
 
@@ -267,7 +267,7 @@ static void not_connected(struct fsn_incidents *in, uint32_t number, uint64_t no
              "connection %.120s has not come to Data within %d s after every SubDevice reached OP, "
              "it is in %s",
              info.name, PATIENCE_MS / 1000, observed);
-    const struct fsn_trigger trigger = {.kind = "not_connected",
+    const struct fsn_trigger trigger = {.kind = FSN_NOT_CONNECTED,
                                         .connection = info.name,
                                         .after = observed,
                                         .now_ns = now_ns,

@@ -22,10 +22,18 @@ fsn_status fsn_incidents_create(const char *folder, uint64_t most_bytes, struct 
 /** Waits until a file that is being written is complete. NULL is allowed. */
 void fsn_incidents_free(struct fsn_incidents *incidents);
 
+enum fsn_trigger_kind {
+    FSN_LEFT_DATA,
+    FSN_NOT_CONNECTED,
+    FSN_REFUSED,
+    FSN_BUS_FAILED,
+    FSN_REQUESTED,
+};
+
 /** Something happened that is worth a file. While one is in progress, the next is only an event in
  *  it. Fields that do not apply are NULL or 0. */
 struct fsn_trigger {
-    const char *kind; /**< left_data, not_connected, refused, bus_failed or request */
+    enum fsn_trigger_kind kind;
     const char *connection, *subdevice, *before, *after, *reset_by, *reset_text;
     uint8_t reset_code;
     uint64_t now_ns;

@@ -55,8 +55,9 @@ enum { FSN_INCIDENT_EVENTS = 200, FSN_INCIDENT_HEAD_BYTES = 16 << 20 };
 /** The incident in progress. */
 struct fsn_pending {
     bool active;
-    char kind[16], connection[128], subdevice[128], before[24], after[24], reset_by[8],
-        reset_text[80], text[600];
+    enum fsn_trigger_kind kind;
+    char connection[128], subdevice[128], before[24], after[24], reset_by[8], reset_text[80],
+        text[600];
     uint8_t reset_code;
     bool has_fault;
     struct fsn_fault fault;
@@ -85,6 +86,8 @@ struct fsn_incidents {
     char *event[FSN_INCIDENT_EVENTS]; /**< the last events, as a ring */
     unsigned next_event;
 };
+
+const char *fsn_trigger_name(enum fsn_trigger_kind kind);
 
 /** Writes the first line: all data except the cycles. */
 void fsn_incident_head(struct fsn_incidents *incidents, struct fsn_json *json);

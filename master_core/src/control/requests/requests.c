@@ -191,7 +191,8 @@ static fsn_status of_program(struct fsn_request *request) {
 
 static fsn_status incident(struct fsn_request *request) {
     const char *text = request->count > 0 ? request->argument[0] : "a client requested it";
-    const struct fsn_trigger trigger = {.kind = "request", .now_ns = fsn_now_ns(), .text = text};
+    const struct fsn_trigger trigger = {
+        .kind = FSN_REQUESTED, .now_ns = fsn_now_ns(), .text = text};
     if (request->services->incidents == NULL) {
         return fsn_request_refuse(request, FSN_E_STATE, "start fsn-master with --incidents FOLDER",
                                   "no incidents are kept");

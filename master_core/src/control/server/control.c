@@ -109,7 +109,7 @@ void fsn_control_bus_failed(struct fsn_control *control, const char *text,
         view->subdevices_known = true;
     }
     const struct fsn_trigger trigger = {
-        .kind = "bus_failed", .now_ns = fsn_now_ns(), .text = text, .fault = fault};
+        .kind = FSN_BUS_FAILED, .now_ns = fsn_now_ns(), .text = text, .fault = fault};
     (void)fsn_incident_begin(control->services.incidents, &trigger);
 }
 
