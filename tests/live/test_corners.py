@@ -22,7 +22,7 @@ from fsoe_net.live import build_master, in_use, scan, sockets
 from fsoe_net.live.attachment import _facts
 from fsoe_net.live.bus_events import BusEvents, connection_result
 from fsoe_net.live.live_bus import _LiveRun
-from fsoe_net.live.scan_files import _channels, _NotExpressible, compact_json
+from fsoe_net.live.scan_files import _check_manager, _NotExpressible, compact_json
 from fsoe_net.model.names import Names
 from fsoe_net.model.safety import ElementKind
 from fsoe_net.simulate.campaign import campaign_links
@@ -163,12 +163,14 @@ def test_files_of_one_name_are_numbered():
 
 
 def test_a_pdo_that_no_file_can_state():
-    for entries, said in (
-        (None, "the mapping of PDO 0x1600 was not read"),
-        ((), "PDO 0x1600 maps nothing"),
+    for is_read, said in (
+        (False, "the mapping of PDO 0x1600 was not read"),
+        (True, "PDO 0x1600 maps nothing"),
     ):
+        pdo = Facts(index=0x1600, entries=(), is_read=is_read)
+        manager: Any = Facts(index=2, complete=True, pdos=(pdo,))
         with pytest.raises(_NotExpressible) as caught:
-            _channels(Facts(index=0x1600, entries=entries))
+            _check_manager(manager)
         assert str(caught.value) == said
 
 

@@ -171,9 +171,14 @@ def test_the_editor_folds_searches_and_marks_findings(page: Any) -> None:
     accessible(page)
     page.keyboard.press("Escape")
     write_text(page, text.replace("size: 6", "size: 5", 1))
-    marker = page.locator(".cm-lint-marker-error").first
-    marker.wait_for()
-    assert marker.evaluate("e => getComputedStyle(e, '::before').content") == '"✖"'
+    # The page may draw it again meanwhile.
+    page.wait_for_function(
+        """() => {
+            const editor = document.querySelector(".editor").shadowRoot;
+            const marker = editor.querySelector(".cm-lint-marker-error");
+            return marker && getComputedStyle(marker, "::before").content === '"✖"';
+        }"""
+    )
 
 
 def test_text_and_drawing_have_one_undo(page: Any) -> None:
