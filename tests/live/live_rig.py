@@ -57,9 +57,12 @@ class Emulator:
             )
         self.do("status")  # answers once it serves
 
-    def do(self, line):
+    def give(self, line):
         self._process.stdin.write(line + "\n")
         self._process.stdin.flush()
+
+    def do(self, line):
+        self.give(line)
         answers = ""
         for answer in self._process.stderr:
             if answer.startswith("EMULATION"):
