@@ -102,7 +102,9 @@ def _unrecognised(ctx: Context, row: ResolvedTransfer, end: ResolvedEnd, sm: SmL
     free = ctx.free_frames(end, sm.sm.direction)
     intruder = _intruder(end, sm, size)
     # A command is one byte: any other entry cannot start a frame.
-    if end.placed is not None and (end.placed.entry.bits != 8 or (has_frames and intruder is None)):
+    is_no_command = end.placed is not None and end.placed.entry.bits != 8
+    misses_frames = end.placed is not None and has_frames and intruder is None
+    if is_no_command or misses_frames:
         better = min(free, key=lambda b: b.frame_bytes != size) if free else None
         ctx.add(
             "FSN211",
